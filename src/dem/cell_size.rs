@@ -1,0 +1,49 @@
+//! How large a cell is on the ground.
+
+use crate::error::{Error, Result};
+
+/// Side lengths of a cell on the ground, in metres: both positive and finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellSize {
+    x: f64,
+    y: f64,
+}
+
+impl CellSize {
+    /// `x`: west to east, `y`: north to south, metres.
+    ///
+    /// # Errors
+    /// When a side is not a positive finite number.
+    pub fn new(x: f64, y: f64) -> Result<Self> {
+        if !(x.is_finite() && y.is_finite() && x > 0.0 && y > 0.0) {
+            return Err(Error::value("cell size", format!("{x} x {y} m"), "allowed: positive and finite"));
+        }
+        Ok(Self { x, y })
+    }
+
+    /// A square cell.
+    ///
+    /// # Errors
+    /// When `side` is not a positive finite number.
+    pub fn square(side: f64) -> Result<Self> {
+        Self::new(side, side)
+    }
+
+    /// West to east, metres.
+    #[must_use]
+    pub const fn x(self) -> f64 {
+        self.x
+    }
+
+    /// North to south, metres.
+    #[must_use]
+    pub const fn y(self) -> f64 {
+        self.y
+    }
+
+    /// The side of the square cell with the same area, metres.
+    #[must_use]
+    pub fn mean(self) -> f64 {
+        (self.x * self.y).sqrt()
+    }
+}

@@ -1,0 +1,12 @@
+//! Heights with meaning: [`Dem`] (metres, cell size, voids, georeference) and [`Normalization`].
+
+mod cell_size;
+mod georeference;
+mod heights;
+pub mod io;
+mod normalization;
+
+pub use cell_size::CellSize;
+pub use georeference::{Georeference, RasterSpace};
+pub use heights::Dem;
+pub use normalization::Normalization;

@@ -1,0 +1,3 @@
+//! The command line: parse, call, print the error.
+
+fn main() {}
