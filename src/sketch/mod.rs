@@ -1,9 +1,17 @@
-//! What a hand draws: [`Stroke`]s of ridges and valleys with heights, the raster of them, and their parts.
+//! What a hand draws: [`Stroke`]s of ridges and valleys with heights, the raster of them ([`LineMap`]), and their parts.
+//!
+//! The path through the room: a [`Sketch`] (traced from a raster by [`Sketch::trace`])
+//! -> [`Sketch::rasterize`] -> [`LineMap`] -> [`split_parts`] -> [`SketchPart`]s.
 
+mod chains;
 mod line_map;
 mod part;
+mod rasterize;
+mod split;
 mod stroke;
+mod trace;
 
 pub use line_map::LineMap;
 pub use part::{PartId, SketchPart};
+pub use split::{PartLengths, split_parts};
 pub use stroke::{Sketch, Stroke, StrokeKind, Vertex};
