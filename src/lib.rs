@@ -12,6 +12,7 @@ pub mod flow;
 pub mod sketch;
 pub mod extract;
 pub mod matching;
+pub mod interpolation;
 pub mod metrics;
 pub mod viz;
 pub mod learn;
