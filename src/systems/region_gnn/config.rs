@@ -1,6 +1,7 @@
 //! Every choice of the model in one struct: `Default` is `anchored` (ours), [`RegionGnnConfig::paper`] is Liu & Benes 2025.
 
 use crate::error::{Error, Result};
+use crate::sketch::PartLengths;
 use serde::{Deserialize, Serialize};
 
 /// The two named configurations.
@@ -119,8 +120,9 @@ pub struct RegionGnnConfig {
     pub loss_after_correction: bool,
     /// Part splits of the same lines that are averaged when terrain is generated.
     pub splits: usize,
-    /// Shortest and longest part, in cells (4.1: 5 to 10).
-    pub part_cells: [usize; 2],
+    /// How lines are cut into parts (4.1: 5 to 10 cells). Runs shorter than that are kept, so that what a user drew
+    /// counts; the paper drops them.
+    pub parts: PartLengths,
     /// Which code moves the messages; no effect on the result beyond rounding.
     pub kernel: Kernel,
 }
@@ -145,7 +147,7 @@ impl Default for RegionGnnConfig {
             losses: LossWeights::default(),
             loss_after_correction: true,
             splits: 3,
-            part_cells: [5, 10],
+            parts: PartLengths::drawn(),
             kernel: Kernel::Fused,
         }
     }
@@ -200,11 +202,7 @@ impl RegionGnnConfig {
         if ![16, 32, 64].contains(&self.width) {
             return Err(Error::value("width", self.width, "allowed: 16, 32, 64"));
         }
-        let [shortest, longest] = self.part_cells;
-        if shortest < 2 || longest < 2 * shortest - 1 || longest > 64 {
-            let allowed = "allowed: shortest >= 2, longest from 2 shortest - 1 to 64";
-            return Err(Error::value("part_cells", format!("{:?}", self.part_cells), allowed));
-        }
+        self.parts.validate()?;
         let real = |name: &str, value: f64, low: f64, high: f64| {
             if value >= low && value <= high {
                 Ok(())
