@@ -4,6 +4,7 @@
 //! -> [`Sketch::rasterize`] -> [`LineMap`] -> [`split_parts`] -> [`SketchPart`]s.
 
 mod chains;
+mod graph;
 mod line_map;
 mod part;
 mod rasterize;
@@ -11,6 +12,7 @@ mod split;
 mod stroke;
 mod trace;
 
+pub use graph::{SketchEdge, SketchGraph, SketchNode};
 pub use line_map::LineMap;
 pub use part::{PartId, SketchPart};
 pub use split::{PartLengths, split_parts};
