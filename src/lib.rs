@@ -5,6 +5,7 @@
 //! (`tests/architecture.rs` enforces it), so reading them once, top to bottom, is reading the whole path.
 
 pub mod error;
+pub mod file;
 pub mod seed;
 pub mod grid;
 pub mod dem;
