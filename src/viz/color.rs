@@ -58,6 +58,12 @@ pub(super) struct Oklab {
 }
 
 impl Oklab {
+    /// The colour at `t` (0 to 1) of the way to `other`.
+    pub(super) fn lerp(self, other: Self, t: f32) -> Self {
+        let mix = |from: f32, to: f32| from + (to - from) * t;
+        Self { l: mix(self.l, other.l), a: mix(self.a, other.a), b: mix(self.b, other.b) }
+    }
+
     /// The nearest colour that a screen can show: parts outside the gamut are cut off.
     pub(super) fn to_rgb(self) -> Rgb {
         let Self { l, a, b } = self;

@@ -29,7 +29,7 @@ impl Palette {
     fn stops(self) -> &'static [(f32, u32)] {
         match self {
             Self::Alpine => &[
-                (0.00, 0x6f_94_78),
+                (0.00, 0x62_8c_72),
                 (0.14, 0x8f_ab_7e),
                 (0.30, 0xbc_bf_8a),
                 (0.46, 0xd6_c7_96),

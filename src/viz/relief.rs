@@ -29,7 +29,7 @@ pub enum Exaggeration {
 impl Exaggeration {
     /// The mean steepness (rise over run) that [`Auto`](Self::Auto) aims at; chosen by eye on the Alps (90 m), the
     /// Grand Canyon (62 m), the Sierra Nevada (30 m), Saharan dunes (90 m) and the Moon (948 m).
-    pub const TARGET: f64 = 0.45;
+    pub const TARGET: f64 = 0.5;
 
     fn factor(self, slopes: &Grid<Gradient>, dem: &Dem) -> f64 {
         match self {
