@@ -1,7 +1,8 @@
 //! The vector code of [`edge_attention`](super::edge_attention): one task each, at the widest registers of the machine.
 //!
 //! `pulp` picks the instruction set at run time, so no `target-cpu` flag is needed. `N` is the number of registers that a
-//! hidden state fills.
+//! hidden state fills. Loops stand where an iterator with a closure would be shorter: a closure handed to the standard
+//! library is compiled for the baseline processor, and every vector operation in it becomes a call.
 
 use super::edge_attention::Inputs;
 use super::edges::Edge;
@@ -42,7 +43,9 @@ type State<S, const N: usize> = [<S as Simd>::f32s; N];
 #[inline(always)]
 fn load<S: Simd, const N: usize>(values: &[f32], row: usize) -> State<S, N> {
     let lanes: &[S::f32s] = cast_slice(&values[row * N * S::F32_LANES..(row + 1) * N * S::F32_LANES]);
-    std::array::from_fn(|i| lanes[i])
+    let mut state = [lanes[0]; N];
+    state.copy_from_slice(lanes);
+    state
 }
 
 #[inline(always)]
@@ -68,7 +71,11 @@ fn zero<S: Simd, const N: usize>(simd: S) -> State<S, N> {
 #[inline(always)]
 fn add_scaled<S: Simd, const N: usize>(simd: S, sum: &State<S, N>, x: &State<S, N>, factor: f32) -> State<S, N> {
     let factor = simd.splat_f32s(factor);
-    std::array::from_fn(|i| simd.mul_add_e_f32s(x[i], factor, sum[i]))
+    let mut out = *sum;
+    for i in 0..N {
+        out[i] = simd.mul_add_e_f32s(x[i], factor, sum[i]);
+    }
+    out
 }
 
 #[inline(always)]
@@ -102,7 +109,11 @@ impl<'a, S: Simd, const N: usize> Hidden<'a, S, N> {
         let inputs = self.inputs;
         let masked = inputs.edges.masked();
         self.edges.clear();
-        self.edges.extend(inputs.edges.edges_of(pixel).filter(|edge| !masked[edge.region]));
+        for edge in inputs.edges.edges_of(pixel) {
+            if !masked[edge.region] {
+                self.edges.push(edge);
+            }
+        }
         self.states.clear();
         let base = load::<S, N>(inputs.pixel, pixel);
         let mut blocks = self.edges.chunks_exact(BLOCK);
@@ -129,12 +140,15 @@ fn hidden<S: Simd, const N: usize, const B: usize>(
     edges: &[Edge<'_>],
 ) -> [State<S, N>; B] {
     let feature_count = edges[0].features.len();
-    let mut sums: [State<S, N>; B] = std::array::from_fn(|b| {
+    let noise = load::<S, N>(inputs.weights, feature_count);
+    let mut sums = [*base; B];
+    for b in 0..B {
         let region = load::<S, N>(inputs.region, edges[b].region);
-        let noise = load::<S, N>(inputs.weights, feature_count);
-        let sum = std::array::from_fn(|i| simd.add_f32s(base[i], region[i]));
-        add_scaled(simd, &sum, &noise, edges[b].noise)
-    });
+        for i in 0..N {
+            sums[b][i] = simd.add_f32s(base[i], region[i]);
+        }
+        sums[b] = add_scaled(simd, &sums[b], &noise, edges[b].noise);
+    }
     for f in 0..feature_count {
         let weights = load::<S, N>(inputs.weights, f);
         for b in 0..B {
@@ -142,7 +156,12 @@ fn hidden<S: Simd, const N: usize, const B: usize>(
         }
     }
     let zero = simd.splat_f32s(0.0);
-    sums.map(|sum| sum.map(|x| simd.max_f32s(x, zero)))
+    for sum in &mut sums {
+        for x in sum {
+            *x = simd.max_f32s(*x, zero);
+        }
+    }
+    sums
 }
 
 /// Pixels receive: their edges are at hand, so the softmax is done in place.
@@ -174,8 +193,12 @@ impl ForwardToPixels<'_> {
             hidden.of_pixel(pixel);
             let bias = self.inputs.bias[pixel];
             scores.clear();
-            scores.extend((0..hidden.states.len()).map(|e| leaky(hidden.logit(e, bias))));
-            let highest = scores.iter().fold(f32::NEG_INFINITY, |a, &b| a.max(b));
+            let mut highest = f32::NEG_INFINITY;
+            for e in 0..hidden.states.len() {
+                let score = leaky(hidden.logit(e, bias));
+                highest = highest.max(score);
+                scores.push(score);
+            }
             let mut total = 0.0;
             let mut sum = zero::<S, N>(simd);
             for (state, score) in hidden.states.iter().zip(&scores) {
@@ -184,8 +207,7 @@ impl ForwardToPixels<'_> {
                 sum = add_scaled(simd, &sum, state, weight);
             }
             if total > 0.0 {
-                let scale = simd.splat_f32s(1.0 / total);
-                store::<S, N>(self.out, i, &sum.map(|x| simd.mul_f32s(x, scale)));
+                store::<S, N>(self.out, i, &add_scaled(simd, &zero::<S, N>(simd), &sum, 1.0 / total));
                 self.log_sums[i] = highest + total.ln();
             }
         }
@@ -336,10 +358,9 @@ impl Backward<'_> {
                 d_score = add_scaled(simd, &d_score, &h, d_logit);
                 let through = add_scaled(simd, &zero::<S, N>(simd), &grad, weight);
                 let through = add_scaled(simd, &through, &hidden.score, d_logit);
-                let d_h: State<S, N> = std::array::from_fn(|j| {
-                    simd.select_f32s(simd.greater_than_f32s(h[j], nothing), through[j], nothing)
-                });
+                let mut d_h = through;
                 for j in 0..N {
+                    d_h[j] = simd.select_f32s(simd.greater_than_f32s(h[j], nothing), through[j], nothing);
                     d_pixel[j] = simd.add_f32s(d_pixel[j], d_h[j]);
                 }
                 add(simd, &mut small, region, &d_h);

@@ -292,7 +292,7 @@ impl RegionGraph {
 
 /// Number of edge features of a configuration, noise not counted.
 #[must_use]
-pub fn feature_count(config: &RegionGnnConfig) -> usize {
+pub(super) fn feature_count(config: &RegionGnnConfig) -> usize {
     let geometry = match config.geometry {
         EdgeGeometry::Projection => 2,
         EdgeGeometry::LocalFrame => 20,

@@ -13,6 +13,8 @@ mod graph;
 pub mod losses;
 mod nearest;
 mod network;
+#[cfg(test)]
+mod network_tests;
 mod plain;
 mod pool;
 mod region;
