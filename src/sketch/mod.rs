@@ -9,6 +9,7 @@ mod graph;
 mod line_map;
 mod part;
 mod rasterize;
+pub mod samples;
 mod split;
 mod stroke;
 mod trace;
