@@ -1,13 +1,15 @@
 //! What a hand draws: [`Stroke`]s of ridges and valleys with heights, the raster of them ([`LineMap`]), and their parts.
 //!
-//! The path through the room: a [`Sketch`] (traced from a raster by [`Sketch::trace`])
+//! The path through the room: a [`Sketch`] (read by [`geojson`] or traced from a raster by [`Sketch::trace`])
 //! -> [`Sketch::rasterize`] -> [`LineMap`] -> [`split_parts`] -> [`SketchPart`]s.
 
 mod chains;
+pub mod geojson;
 mod graph;
 mod line_map;
 mod part;
 mod rasterize;
+pub mod samples;
 mod split;
 mod stroke;
 mod trace;
