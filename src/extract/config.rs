@@ -93,7 +93,8 @@ mod tests {
 
     #[test]
     fn every_field_is_checked_and_named() {
-        let bad: [(&str, fn(&mut ExtractionConfig)); 8] = [
+        type Spoil = fn(&mut ExtractionConfig);
+        let bad: [(&str, Spoil); 8] = [
             ("smoothing", |c| c.smoothing = f64::NAN),
             ("smoothing", |c| c.smoothing = -0.1),
             ("margin", |c| c.margin = 1001),

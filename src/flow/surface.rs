@@ -108,14 +108,14 @@ fn flat_depth(heights: &Grid<f32>, valid: &Mask) -> Option<Grid<u32>> {
         if row == 0 || row + 1 == rows {
             return;
         }
-        for col in 1..cols.saturating_sub(1) {
+        for (col, slopes) in line.iter_mut().enumerate().take(cols.saturating_sub(1)).skip(1) {
             let i = row * cols + col;
             let same = |o: &isize| {
                 let j = i.wrapping_add_signed(*o);
                 ok[j] && z[j] == z[i]
             };
             if ok[i] && around.iter().all(same) {
-                line[col] = false;
+                *slopes = false;
                 found.store(true, Ordering::Relaxed);
             }
         }
