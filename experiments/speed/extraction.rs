@@ -3,6 +3,8 @@
 //! `cargo bench --bench extraction [-- TILE.hgt]`: without a tile (raw big-endian 16-bit heights, square) it makes one of
 //! the same size and roughness. Checks what it timed: drained cells sum to the tile, lines are thin, two runs agree.
 
+#![allow(clippy::print_stdout, reason = "a bench reports on standard output")]
+
 use monadnock::extract::{ExtractionConfig, ridges_and_valleys};
 use monadnock::flow::{self, Flow, Surface};
 use monadnock::grid::{Cell, Grid, Mask};

@@ -2,6 +2,9 @@
 
 use crate::error::{Error, Result};
 
+/// Highest order that can be asked for; no network on fewer than 2^32 cells reaches it.
+pub(super) const MAX_ORDER: u8 = 30;
+
 /// How water finds its way over terrain with pits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -76,7 +79,7 @@ impl ExtractionConfig {
         check((0.0..=100.0).contains(&self.smoothing), "smoothing", &self.smoothing, "0 to 100 cells")?;
         check(self.margin <= 1000, "margin", &self.margin, "0 to 1000 cells")?;
         check(self.min_accumulation >= 1, "min_accumulation", &self.min_accumulation, "at least 1 cell")?;
-        check((1..=30).contains(&self.min_order), "min_order", &self.min_order, "1 to 30")?;
+        check((1..=MAX_ORDER).contains(&self.min_order), "min_order", &self.min_order, "1 to 30")?;
         check(self.closing <= 100, "closing", &self.closing, "0 to 100 cells")?;
         check(self.min_length >= 1, "min_length", &self.min_length, "at least 1 cell")?;
         let quantile = self.gradient_quantile;
@@ -90,7 +93,8 @@ mod tests {
 
     #[test]
     fn every_field_is_checked_and_named() {
-        let bad: [(&str, fn(&mut ExtractionConfig)); 8] = [
+        type Spoil = fn(&mut ExtractionConfig);
+        let bad: [(&str, Spoil); 8] = [
             ("smoothing", |c| c.smoothing = f64::NAN),
             ("smoothing", |c| c.smoothing = -0.1),
             ("margin", |c| c.margin = 1001),

@@ -7,6 +7,8 @@ mod context;
 mod lines;
 mod network;
 mod relief;
+#[cfg(test)]
+mod tests;
 mod variants;
 
 pub use config::{ExtractionConfig, Routing};

@@ -13,6 +13,8 @@ use crate::grid::{Cell, Grid, Mask, morphology, thinning};
 pub(super) struct Network {
     directions: FlowDirections,
     accumulation: Accumulation,
+    /// Where lines may run; `None` for everywhere.
+    open: Option<Mask>,
 }
 
 /// Thin lines on the map.
@@ -26,19 +28,24 @@ pub(super) struct Traced {
 }
 
 impl Network {
-    /// Flat ground passes water on but gives none, so that neither plains nor (upside down) lakes grow parallel lines.
+    /// Flat ground passes water on but gives none, and keeps only the main line of what crosses it: neither plains nor
+    /// lakes, right way up or upside down, grow parallel lines.
     pub(super) fn of(surface: &Surface, routing: Routing) -> Self {
         let directions = match routing {
             Routing::LeastCost => flow::route(surface),
             Routing::Filled => flow::d8(&flow::fill(surface)),
         };
-        let accumulation = if surface.has_no_flats() {
-            flow::accumulate(&directions)
-        } else {
-            let (rows, cols) = surface.shape();
-            flow::accumulate_from(&directions, &Grid::from_fn(rows, cols, |c| !surface.is_flat(c)))
+        let Some(flats) = surface.flats() else {
+            let accumulation = flow::accumulate(&directions);
+            return Self { directions, accumulation, open: None };
         };
-        Self { directions, accumulation }
+        let slopes = flats.map(|flat| !flat);
+        let accumulation = flow::accumulate_from(&directions, &slopes);
+        let mut open = flow::main_stems(&directions, &accumulation, &flats);
+        for (open, &slope) in open.as_mut_slice().iter_mut().zip(slopes.as_slice()) {
+            *open |= slope;
+        }
+        Self { directions, accumulation, open: Some(open) }
     }
 
     /// Lines within the limits of `config`, before the filters on whole lines.
@@ -46,10 +53,8 @@ impl Network {
         let channels = self.accumulation.channels(config.min_accumulation);
         let orders = flow::strahler(&self.directions, &channels);
         let kept = orders.at_least(config.min_order);
-        let mut closed = morphology::close(&kept, config.closing);
-        for (line, &ok) in closed.as_mut_slice().iter_mut().zip(relief.surface().valid().as_slice()) {
-            *line &= ok;
-        }
+        let kept = self.open.as_ref().map_or_else(|| kept.clone(), |open| both(&kept, open));
+        let closed = both(&morphology::close(&kept, config.closing), relief.surface().valid());
         // Thin again after the cut: a line that was held together from outside may have a cell too many.
         let lines = thinning::thin(&relief.crop(&thinning::thin(&closed)));
         let orders = order_of_lines(&lines, &relief.crop(orders.orders()), config);
@@ -74,4 +79,12 @@ fn order_of_lines(lines: &Mask, orders: &Grid<u8>, config: &ExtractionConfig) ->
             near.map(|there| orders[there]).max().unwrap_or(0).max(config.min_order)
         }
     })
+}
+
+fn both(a: &Mask, b: &Mask) -> Mask {
+    let mut both = a.clone();
+    for (x, &y) in both.as_mut_slice().iter_mut().zip(b.as_slice()) {
+        *x &= y;
+    }
+    both
 }

@@ -22,9 +22,9 @@ impl Relief {
     /// # Errors
     /// When shapes differ, a valid height is not finite, or no cell is valid.
     pub(super) fn new(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<Self> {
-        let checked = Surface::new(heights.clone(), valid.clone())?;
-        let shape = checked.shape();
-        let unit = to_unit(checked.heights(), valid);
+        Surface::check(heights, valid)?;
+        let shape = heights.shape();
+        let unit = to_unit(heights, valid);
         let origin = Cell::new(config.margin.min(shape.0 - 1), config.margin.min(shape.1 - 1));
         let (unit, valid) = continued(unit, valid.clone(), origin);
         let smooth = gaussian::smooth(&unit, &valid, config.smoothing);
@@ -144,7 +144,8 @@ mod tests {
         let valid = Grid::from_fn(5, 5, |c| c != Cell::new(2, 1));
         let (_, wide) = continued(z, valid, Cell::new(2, 2));
         let voids: Vec<Cell> = wide.cells().filter(|(_, ok)| !**ok).map(|(c, _)| c).collect();
-        assert_eq!(voids, [Cell::new(4, 1), Cell::new(4, 3)]);
+        let expected = [(0, 1), (0, 3), (4, 1), (4, 3), (8, 1), (8, 3)];
+        assert_eq!(voids, expected.map(|(row, col)| Cell::new(row, col)));
     }
 
     #[test]

@@ -13,14 +13,18 @@ mod accumulation;
 mod directions;
 mod fill;
 mod flood;
+mod main_stem;
 mod rank_queue;
 mod routing;
 mod strahler;
 mod surface;
+#[cfg(test)]
+mod tests;
 
 pub use accumulation::{Accumulation, accumulate, accumulate_from};
 pub use directions::{Flow, FlowDirections};
 pub use fill::{FilledDem, d8, fill};
+pub use main_stem::main_stems;
 pub use routing::route;
 pub use strahler::{StrahlerOrder, strahler};
 pub use surface::Surface;

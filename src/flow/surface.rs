@@ -7,7 +7,9 @@
 //! Linear in the cells.
 
 use crate::error::{Error, Result};
-use crate::grid::{Cell, Grid, Mask, d8, distance};
+use crate::grid::{Grid, Mask, d8, distance};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Heights that water can run over. At least one cell is valid, and valid cells are finite.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +25,16 @@ impl Surface {
     /// # Errors
     /// When the shapes differ, a valid height is not finite, or no cell is valid.
     pub fn new(heights: Grid<f32>, valid: Mask) -> Result<Self> {
+        Self::check(&heights, &valid)?;
+        let flat_depth = flat_depth(&heights, &valid);
+        Ok(Self { heights, valid, flat_depth })
+    }
+
+    /// Whether [`new`](Self::new) would accept these heights.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn check(heights: &Grid<f32>, valid: &Mask) -> Result<()> {
         if heights.shape() != valid.shape() {
             return Err(Error::value(
                 "void mask",
@@ -36,12 +48,13 @@ impl Surface {
         if !valid.as_slice().contains(&true) {
             return Err(Error::value("number of valid heights", 0, "at least one cell must not be void"));
         }
-        if let Some((cell, z)) = heights.cells().find(|(cell, z)| valid[*cell] && !z.is_finite()) {
+        let wrong = |(z, ok): (&f32, &bool)| *ok && !z.is_finite();
+        if let Some(i) = heights.as_slice().iter().zip(valid.as_slice()).position(wrong) {
+            let cell = heights.cell_at(i);
             let name = format!("height at row {}, column {}", cell.row, cell.col);
-            return Err(Error::value(name, z, "allowed: finite, or marked as void"));
+            return Err(Error::value(name, heights[cell], "allowed: finite, or marked as void"));
         }
-        let flat_depth = flat_depth(&heights, &valid);
-        Ok(Self { heights, valid, flat_depth })
+        Ok(())
     }
 
     /// The same surface upside down: its valleys are the ridges of this one.
@@ -72,16 +85,10 @@ impl Surface {
         self.heights.shape()
     }
 
-    /// Whether all eight neighbours of `cell` have exactly its height.
+    /// The cells whose eight neighbours all have exactly their height; `None` when there are none.
     #[must_use]
-    pub fn is_flat(&self, cell: Cell) -> bool {
-        self.flat_depth.as_ref().is_some_and(|depth| depth[cell] > 0)
-    }
-
-    /// Whether no cell [is flat](Self::is_flat).
-    #[must_use]
-    pub fn has_no_flats(&self) -> bool {
-        self.flat_depth.is_none()
+    pub fn flats(&self) -> Option<Mask> {
+        self.flat_depth.as_ref().map(|depth| depth.map(|&d| d > 0))
     }
 
     /// Squared distance of every flat cell to the nearest cell that is not flat, 0 at all other cells; `None` when no
@@ -96,26 +103,30 @@ fn flat_depth(heights: &Grid<f32>, valid: &Mask) -> Option<Grid<u32>> {
     let (z, ok) = (heights.as_slice(), valid.as_slice());
     let around = d8::OFFSETS.map(|(dr, dc)| dr * cols as isize + dc);
     let mut sloping = Grid::filled(rows, cols, true);
-    let mut any = false;
-    for row in 1..rows.saturating_sub(1) {
-        for col in 1..cols.saturating_sub(1) {
+    let found = AtomicBool::new(false);
+    sloping.as_mut_slice().par_chunks_mut(cols).enumerate().for_each(|(row, line)| {
+        if row == 0 || row + 1 == rows {
+            return;
+        }
+        for (col, slopes) in line.iter_mut().enumerate().take(cols.saturating_sub(1)).skip(1) {
             let i = row * cols + col;
             let same = |o: &isize| {
                 let j = i.wrapping_add_signed(*o);
                 ok[j] && z[j] == z[i]
             };
             if ok[i] && around.iter().all(same) {
-                sloping.as_mut_slice()[i] = false;
-                any = true;
+                *slopes = false;
+                found.store(true, Ordering::Relaxed);
             }
         }
-    }
-    any.then(|| distance::squared(&sloping))
+    });
+    found.into_inner().then(|| distance::squared(&sloping))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::Cell;
 
     #[test]
     fn bad_surfaces_cannot_be_built() {
@@ -142,6 +153,7 @@ mod tests {
         let depth = surface.flat_depth().unwrap();
         // The bottom is 5x5 from (2, 2); its inner 3x3 is flat.
         assert_eq!([2, 3, 4].map(|i| depth[Cell::new(4, i)]), [0, 1, 4]);
-        assert!(surface.is_flat(Cell::new(3, 3)) && !surface.is_flat(Cell::new(2, 4)));
+        let flats = surface.flats().unwrap();
+        assert!(flats[Cell::new(3, 3)] && !flats[Cell::new(2, 4)]);
     }
 }
