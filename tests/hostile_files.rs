@@ -1,6 +1,13 @@
 //! Files that lie, break off or make no sense: each is refused with a message that names the file, the field and the
 //! value; none panics or makes the reader allocate what a header merely claims.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "test helpers fail by panicking"
+)]
+
 mod crafted;
 
 use ::png::{BitDepth, ColorType};

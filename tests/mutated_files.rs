@@ -3,6 +3,13 @@
 //! Every case is drawn from a seed, so that a failure names a case that can be repeated. `MONADNOCK_MUTATIONS` sets the
 //! number of cases a file (default 150).
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "test helpers fail by panicking"
+)]
+
 mod crafted;
 
 use monadnock::dem::io::{ReadOptions, WriteOptions, read_bytes, write};

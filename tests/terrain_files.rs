@@ -1,6 +1,13 @@
 //! Terrain files made by other programs, against the numbers that independent readers give
 //! (`tests/oracle/terrain_files.py`: tifffile, GDAL, PROJ).
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "test helpers fail by panicking"
+)]
+
 use monadnock::dem::io::{CellSizeSource, Nodata, ReadOptions, read, read_described};
 use monadnock::dem::{CellSize, Dem, Normalization, RasterSpace};
 use monadnock::grid::Cell;

@@ -1,5 +1,12 @@
 //! What is written comes back: heights, voids, cell size, place.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "test helpers fail by panicking"
+)]
+
 use monadnock::dem::io::{Nodata, ReadOptions, SampleType, WriteOptions, read, read_described, write};
 use monadnock::dem::{CellSize, Dem, Georeference, Normalization, RasterSpace};
 use monadnock::grid::{Cell, Grid};
@@ -223,5 +230,51 @@ proptest! {
             prop_assert_eq!(back.valid(), dem.valid());
             prop_assert_eq!(back.cell_size(), dem.cell_size());
         }
+    }
+}
+
+/// Leaves files of every format for `tests/oracle/read_written.py`, which reads them with other programs.
+#[test]
+#[ignore = "writes files for another program to read"]
+fn leave_files_for_other_programs() {
+    let directory = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("written");
+    std::fs::create_dir_all(&directory).unwrap();
+    let plain = hills(301, 211, 9);
+    for (i, (place, size)) in places().into_iter().enumerate() {
+        let dem =
+            Dem::with_voids(plain.heights().clone(), plain.valid().clone(), size).unwrap().at(Some(place));
+        write(&dem, &directory.join(format!("{i}.tif")), &WriteOptions::default()).unwrap();
+        let space = match place.raster_space {
+            RasterSpace::PixelIsArea => "Area",
+            RasterSpace::PixelIsPoint => "Point",
+        };
+        let words = serde_json::json!({ "transform": place.transform, "epsg": place.epsg, "space": space });
+        std::fs::write(directory.join(format!("{i}.json")), words.to_string()).unwrap();
+    }
+    let int16 = WriteOptions { sample_type: SampleType::Int16, ..Default::default() };
+    write(&plain, &directory.join("int16.tif"), &int16).unwrap();
+    for name in ["plain.npy", "plain.png", "plain.asc"] {
+        write(&plain, &directory.join(name), &WriteOptions::default()).unwrap();
+    }
+    println!("{}", directory.display());
+
+    // And how long a whole SRTM tile of 1 arc-second takes.
+    let tile = Dem::new(
+        Grid::from_fn(3601, 3601, |c| {
+            2000.0 + (c.row as f32 / 90.0).sin() * 900.0 + (c.col as f32 / 31.0).cos() * 300.0
+        }),
+        CellSize::square(30.0).unwrap(),
+    )
+    .unwrap();
+    for name in ["tile.tif", "tile.npy", "tile.png", "tile.asc"] {
+        let path = directory.join(name);
+        let started = std::time::Instant::now();
+        write(&tile, &path, &WriteOptions::default()).unwrap();
+        let written = started.elapsed();
+        let started = std::time::Instant::now();
+        read(&path, &ReadOptions::default()).unwrap();
+        let size = std::fs::metadata(&path).unwrap().len();
+        println!("{name}: written in {written:.2?}, read in {:.2?}, {size} bytes", started.elapsed());
+        std::fs::remove_file(path).unwrap();
     }
 }
