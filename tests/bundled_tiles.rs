@@ -1,5 +1,12 @@
 //! Makes the tiles in `data/` again from the evaluation areas beside the repository.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "test helpers fail by panicking"
+)]
+
 use monadnock::dem::io::{ReadOptions, SampleType, WriteOptions, read, write};
 use monadnock::grid::Cell;
 use std::path::Path;

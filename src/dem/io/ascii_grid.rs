@@ -107,7 +107,12 @@ impl Header {
     fn side(&self, path: &Path, key: &str) -> Result<u64> {
         let value = self.required(path, key)?;
         if value.fract() != 0.0 || !(1.0..=1e15).contains(&value) {
-            return Err(Error::file(path, key, value, "allowed: a positive whole number"));
+            return Err(Error::file(
+                path,
+                key,
+                show(format!("{value:?}").as_bytes()),
+                "allowed: a positive whole number",
+            ));
         }
         Ok(value as u64)
     }

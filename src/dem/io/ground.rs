@@ -158,11 +158,15 @@ mod tests {
 
     #[test]
     fn degrees_on_the_ellipsoid() {
-        // Lengths of a degree at 0, 45 and 90 N on WGS 84 as tabulated by the NGA (metres).
-        for (latitude, east, north) in [(0.0, 111_319.49, 110_574.28), (45.0, 78_846.81, 111_131.78)] {
+        // Geodesics on WGS 84 by PROJ (tests/oracle/terrain_files.py), metres.
+        for (latitude, east, north) in [
+            (0.0, 111_319.491, 110_574.276),
+            (36.5, 89_591.101, 110_968.296),
+            (80.0, 19_393.486, 111_659.940),
+        ] {
             let (x, y) = Ellipsoid::WGS84.metres_per_degree(latitude);
-            assert_relative_eq!(x, east, epsilon = 0.02);
-            assert_relative_eq!(y, north, epsilon = 0.02);
+            assert_relative_eq!(x, east, epsilon = 0.002);
+            assert_relative_eq!(y, north, epsilon = 0.002);
         }
     }
 

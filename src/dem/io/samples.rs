@@ -149,7 +149,7 @@ impl Samples {
             return Err(Error::file(
                 path,
                 format!("height at row {}, column {}", index / self.cols, index % self.cols),
-                value,
+                format!("{value:e}"),
                 format!(
                     "allowed: up to {MAX_HEIGHT} m from 0; if the number marks missing heights, give it as nodata"
                 ),

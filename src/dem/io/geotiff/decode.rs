@@ -8,13 +8,12 @@ use super::super::samples::{Rule, Samples};
 use super::super::{CellSizeSource, Description, Format, ReadOptions};
 use super::directory::Directory;
 use super::georeference::Location;
-use super::layout::Layout;
+use super::layout::{Layout, SampleKind};
 use super::metadata::Metadata;
+use super::unpack::half;
 use crate::dem::{CellSize, Dem, Georeference};
 use crate::error::{Error, Result};
-use std::io::Cursor;
 use std::path::Path;
-use tiff::decoder::{Decoder, DecodingResult, Limits};
 
 pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
     let directory = Directory::parse(path, bytes)?;
@@ -47,7 +46,7 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
     };
 
     let mut samples = Samples::new(shape.0, shape.1, rule);
-    unpack(path, bytes, &layout, band, &mut samples)?;
+    fill(path, bytes, &layout, band, &mut samples)?;
     if let Some(p) = placement {
         samples.flip(p.flip_rows, p.flip_cols);
         if p.flip_rows || p.flip_cols {
@@ -59,7 +58,7 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
     let description = Description {
         format: Format::GeoTiff,
         sample: layout.sample_name(),
-        packing: layout.packing(),
+        packing: layout.packing_words(),
         coordinates: location.words,
         cell_size_source: source,
         notes,
@@ -69,7 +68,7 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
 
 /// The band to read, counted from 0.
 fn choose_band(path: &Path, options: &ReadOptions, layout: &Layout) -> Result<usize> {
-    let bands = layout.samples;
+    let bands = layout.bands;
     match options.band {
         None if bands == 1 => Ok(0),
         None => Err(Error::file(
@@ -83,77 +82,53 @@ fn choose_band(path: &Path, options: &ReadOptions, layout: &Layout) -> Result<us
     }
 }
 
-fn unpack(path: &Path, bytes: &[u8], layout: &Layout, band: usize, samples: &mut Samples) -> Result<()> {
-    let structure = |e: tiff::TiffError| Error::file(path, "TIFF structure", e, "the file is damaged");
-    let mut limits = Limits::default();
-    // Each strip or tile has been checked to fit what the file can hold.
-    limits.decoding_buffer_size = usize::MAX;
-    limits.intermediate_buffer_size = usize::MAX;
-    let mut decoder = Decoder::new(Cursor::new(bytes)).map_err(structure)?.with_limits(limits);
-
+fn fill(path: &Path, bytes: &[u8], layout: &Layout, band: usize, samples: &mut Samples) -> Result<()> {
+    let packing = layout.packing;
     let first = if layout.planar { band * layout.chunks_per_band } else { 0 };
-    let (stride, skip) = if layout.planar { (1, 0) } else { (layout.samples, band) };
+    let offset = if layout.planar { 0 } else { band };
     for i in 0..layout.chunks_per_band {
-        let chunk = first + i;
-        if layout.is_absent(chunk) {
-            continue;
-        }
-        let damaged = |value: String| {
-            Error::file(
-                path,
-                format!("{} {chunk}", layout.chunk_noun()),
-                value,
-                "the data are damaged or cut off: they do not unpack",
-            )
-        };
-        let index = u32::try_from(chunk).map_err(|_| damaged("beyond 2^32".to_owned()))?;
-        let data = decoder.read_chunk(index).map_err(|e| damaged(e.to_string()))?;
-        let (rows, cols) = layout.chunk_shape(i);
-        let expected = rows * cols * stride;
-        let target =
-            Window { origin: layout.chunk_origin(i), cols, raster_cols: layout.cols, stride, skip, expected };
-        let found = match data {
-            DecodingResult::U8(v) => target.place(&v, samples, f64::from),
-            DecodingResult::U16(v) => target.place(&v, samples, f64::from),
-            DecodingResult::U32(v) => target.place(&v, samples, f64::from),
-            DecodingResult::U64(v) => target.place(&v, samples, |x| x as f64),
-            DecodingResult::I8(v) => target.place(&v, samples, f64::from),
-            DecodingResult::I16(v) => target.place(&v, samples, f64::from),
-            DecodingResult::I32(v) => target.place(&v, samples, f64::from),
-            DecodingResult::I64(v) => target.place(&v, samples, |x| x as f64),
-            DecodingResult::F16(v) => target.place(&v, samples, |x| x.to_f64()),
-            DecodingResult::F32(v) => target.place(&v, samples, f64::from),
-            DecodingResult::F64(v) => target.place(&v, samples, |x| x),
-        };
-        if found != expected {
-            return Err(damaged(format!("{found} numbers instead of {expected}")));
+        let Some(packed) = layout.chunk(first + i, bytes) else { continue };
+        let raw = packing.unpack(packed, layout.unpacked_bytes(i)).map_err(|reason| {
+            let field = format!("{} {}", layout.chunk_noun(), first + i);
+            Error::file(path, field, format!("damaged ({reason})"), "the data must unpack whole")
+        })?;
+        let window = Window { layout, chunk: i, offset };
+        match (layout.kind, packing.size) {
+            (SampleKind::Unsigned, 1) => window.place(&raw, samples, |[x]| f64::from(x)),
+            (SampleKind::Unsigned, 2) => window.place(&raw, samples, |x| f64::from(u16::from_le_bytes(x))),
+            (SampleKind::Unsigned, 4) => window.place(&raw, samples, |x| f64::from(u32::from_le_bytes(x))),
+            (SampleKind::Unsigned, _) => window.place(&raw, samples, |x| u64::from_le_bytes(x) as f64),
+            (SampleKind::Signed, 1) => window.place(&raw, samples, |x| f64::from(i8::from_le_bytes(x))),
+            (SampleKind::Signed, 2) => window.place(&raw, samples, |x| f64::from(i16::from_le_bytes(x))),
+            (SampleKind::Signed, 4) => window.place(&raw, samples, |x| f64::from(i32::from_le_bytes(x))),
+            (SampleKind::Signed, _) => window.place(&raw, samples, |x| i64::from_le_bytes(x) as f64),
+            (SampleKind::Float, 2) => window.place(&raw, samples, |x| half(u16::from_le_bytes(x))),
+            (SampleKind::Float, 4) => window.place(&raw, samples, |x| f64::from(f32::from_le_bytes(x))),
+            (SampleKind::Float, _) => window.place(&raw, samples, f64::from_le_bytes),
         }
     }
     Ok(())
 }
 
-/// Where in the raster a chunk belongs.
-struct Window {
-    origin: (usize, usize),
-    cols: usize,
-    raster_cols: usize,
-    stride: usize,
-    skip: usize,
-    expected: usize,
+/// Where in the raster a chunk belongs, and which of its interleaved numbers is wanted.
+struct Window<'a> {
+    layout: &'a Layout,
+    chunk: usize,
+    offset: usize,
 }
 
-impl Window {
-    /// Copies one band of a chunk if it has the expected size; returns how many numbers it held.
-    fn place<T: Copy>(&self, data: &[T], samples: &mut Samples, number: impl Fn(T) -> f64) -> usize {
-        if data.len() != self.expected {
-            return data.len();
-        }
-        for (i, line) in data.chunks_exact(self.cols * self.stride).enumerate() {
-            let start = (self.origin.0 + i) * self.raster_cols + self.origin.1;
-            for (j, pixel) in line.chunks_exact(self.stride).enumerate() {
-                samples.set(start + j, number(pixel[self.skip]));
+impl Window<'_> {
+    /// Copies one band of a chunk, without what overhangs the raster.
+    fn place<const N: usize>(&self, raw: &[u8], samples: &mut Samples, number: impl Fn([u8; N]) -> f64) {
+        let (row, col) = self.layout.chunk_origin(self.chunk);
+        let (rows, cols) = self.layout.chunk_shape(self.chunk);
+        let (numbers, _) = raw.as_chunks::<N>();
+        let packing = &self.layout.packing;
+        for (i, line) in numbers.chunks_exact(packing.cols * packing.samples).take(rows).enumerate() {
+            let start = (row + i) * self.layout.cols + col;
+            for (j, cell) in line.chunks_exact(packing.samples).take(cols).enumerate() {
+                samples.set(start + j, number(cell[self.offset]));
             }
         }
-        data.len()
     }
 }

@@ -121,6 +121,11 @@ impl<'a> Directory<'a> {
         Error::file(self.path, tag::name(tag), format!("of TIFF type {kind}"), format!("allowed: {wanted}"))
     }
 
+    /// The byte order of the file's numbers.
+    pub(super) fn is_big_endian(&self) -> bool {
+        self.big_endian
+    }
+
     /// Whether the tag is there.
     pub(super) fn has(&self, tag: u16) -> bool {
         self.entries.contains_key(&tag)

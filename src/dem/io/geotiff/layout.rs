@@ -2,6 +2,7 @@
 
 use super::directory::Directory;
 use super::tag;
+use super::unpack::Packing;
 use crate::dem::io::samples::check_size;
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -14,11 +15,45 @@ pub(super) enum SampleKind {
     Float,
 }
 
-/// A compression that is read, with the most bytes that one compressed byte can become.
+/// A compression that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Compression {
-    pub(super) name: &'static str,
-    expansion: u64,
+pub(super) enum Method {
+    None,
+    Lzw,
+    Deflate,
+    PackBits,
+}
+
+impl Method {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::None => "uncompressed",
+            Self::Lzw => "LZW",
+            Self::Deflate => "deflate",
+            Self::PackBits => "PackBits",
+        }
+    }
+
+    /// The most bytes that one compressed byte can become, rounded up.
+    const fn expansion(self) -> u64 {
+        match self {
+            Self::None => 1,
+            // A 12-bit code stands for 3837 bytes at best.
+            Self::Lzw => 2600,
+            // A match of 258 bytes takes 2 bits at best.
+            Self::Deflate => 1040,
+            // 128 bytes from two.
+            Self::PackBits => 64,
+        }
+    }
+}
+
+/// What was done to the numbers before compression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Predictor {
+    None = 1,
+    Horizontal = 2,
+    FloatingPoint = 3,
 }
 
 /// The layout of the first image.
@@ -26,19 +61,17 @@ pub(super) struct Compression {
 pub(super) struct Layout {
     pub(super) rows: usize,
     pub(super) cols: usize,
-    pub(super) samples: usize,
-    pub(super) bits: u64,
+    pub(super) bands: usize,
     pub(super) kind: SampleKind,
-    pub(super) compression: Compression,
-    pub(super) predictor: u64,
+    pub(super) packing: Packing,
+    /// Each band has strips or tiles of its own.
     pub(super) planar: bool,
-    pub(super) tiled: bool,
-    pub(super) chunk_rows: u64,
-    pub(super) chunk_cols: u64,
-    pub(super) chunks_across: usize,
+    tiled: bool,
+    chunk_rows: usize,
+    chunks_across: usize,
     pub(super) chunks_per_band: usize,
-    pub(super) byte_counts: Vec<u64>,
     offsets: Vec<u64>,
+    byte_counts: Vec<u64>,
 }
 
 impl Layout {
@@ -51,19 +84,20 @@ impl Layout {
             return Err(Error::file(path, "SamplesPerPixel", samples, "allowed: 1 to 1024 bands"));
         }
         let (kind, bits) = sample_type(path, directory)?;
-        let compression = compression(path, directory.one(tag::COMPRESSION)?.unwrap_or(1))?;
-        let predictor = directory.one(tag::PREDICTOR)?.unwrap_or(1);
-        match (predictor, kind) {
-            (1 | 2, _) | (3, SampleKind::Float) => {}
+        let method = compression(path, directory.one(tag::COMPRESSION)?.unwrap_or(1))?;
+        let predictor = match (directory.one(tag::PREDICTOR)?.unwrap_or(1), kind) {
+            (1, _) => Predictor::None,
+            (2, _) => Predictor::Horizontal,
+            (3, SampleKind::Float) => Predictor::FloatingPoint,
             (3, _) => return Err(Error::file(path, "Predictor", 3, "allowed: 1 or 2 for integers")),
-            _ => return Err(Error::file(path, "Predictor", predictor, "allowed: 1, 2 or 3")),
-        }
+            (other, _) => return Err(Error::file(path, "Predictor", other, "allowed: 1, 2 or 3")),
+        };
         let planar = match directory.one(tag::PLANAR_CONFIGURATION)?.unwrap_or(1) {
             1 => false,
             2 => true,
             other => return Err(Error::file(path, "PlanarConfiguration", other, "allowed: 1 or 2")),
         };
-        check_colours(path, directory, samples, planar)?;
+        check_colours(path, directory)?;
         let tiled = directory.has(tag::TILE_OFFSETS);
         let (chunk_rows, chunk_cols) = if tiled {
             (directory.required(tag::TILE_LENGTH)?, directory.required(tag::TILE_WIDTH)?)
@@ -103,22 +137,27 @@ impl Layout {
         }
         let offsets = directory.unsigned(offset_tag)?.unwrap_or_default();
         let byte_counts = directory.unsigned(count_tag)?.unwrap_or_default();
+        let packing = Packing {
+            method,
+            predictor,
+            big_endian: directory.is_big_endian(),
+            size: bits as usize / 8,
+            samples: if planar { 1 } else { samples as usize },
+            cols: chunk_cols as usize,
+        };
         let layout = Self {
             rows,
             cols,
-            samples: samples as usize,
-            bits,
+            bands: samples as usize,
             kind,
-            compression,
-            predictor,
+            packing,
             planar,
             tiled,
-            chunk_rows,
-            chunk_cols,
+            chunk_rows: chunk_rows as usize,
             chunks_across: chunks_across as usize,
             chunks_per_band: chunks_per_band as usize,
-            byte_counts,
             offsets,
+            byte_counts,
         };
         layout.check_chunks(path, file_length)?;
         Ok(layout)
@@ -138,17 +177,14 @@ impl Layout {
                     format!("the file ends at {file_length}: truncated?"),
                 ));
             }
-            let rows = if self.tiled { self.chunk_rows } else { self.chunk_shape(i).0 as u64 };
-            let samples = if self.planar { 1 } else { self.samples as u64 };
-            // At most 2^16 x 2^28 x 2^10 x 2^3: no overflow.
-            let needed = rows * self.chunk_cols * samples * (self.bits / 8);
-            let possible = count.saturating_mul(self.compression.expansion);
+            let needed = self.unpacked_bytes(i % self.chunks_per_band) as u64;
+            let possible = count.saturating_mul(self.packing.method.expansion());
             if possible < needed {
                 return Err(Error::file(
                     path,
                     format!("length of {} {i}", self.chunk_noun()),
                     format!("{count} bytes"),
-                    format!("{} cannot unpack that to the {needed} bytes needed", self.compression.name),
+                    format!("{} cannot unpack that to the {needed} bytes needed", self.packing.method.name()),
                 ));
             }
         }
@@ -156,8 +192,25 @@ impl Layout {
     }
 
     /// GDAL leaves out strips and tiles that hold nodata only.
-    pub(super) fn is_absent(&self, chunk: usize) -> bool {
+    fn is_absent(&self, chunk: usize) -> bool {
         self.offsets[chunk] == 0 && self.byte_counts[chunk] == 0
+    }
+
+    /// The packed bytes of a chunk; `None` when it is absent.
+    pub(super) fn chunk<'a>(&self, chunk: usize, file: &'a [u8]) -> Option<&'a [u8]> {
+        if self.is_absent(chunk) {
+            return None;
+        }
+        // Inside the file: checked by `check_chunks`.
+        let start = self.offsets[chunk] as usize;
+        Some(&file[start..start + self.byte_counts[chunk] as usize])
+    }
+
+    /// What a chunk unpacks to, by its number within a band: a tile whole, the last strip as far as the raster goes.
+    pub(super) fn unpacked_bytes(&self, chunk: usize) -> usize {
+        let rows = if self.tiled { self.chunk_rows } else { self.chunk_shape(chunk).0 };
+        // At most 2^28 cells in a strip, 2^32 in a tile, of 2^10 samples of 2^3 bytes: below 2^46.
+        rows * self.packing.cols * self.packing.samples * self.packing.size
     }
 
     /// "strip" or "tile".
@@ -168,18 +221,18 @@ impl Layout {
     /// Row and column of a chunk's first cell, by its number within a band.
     pub(super) fn chunk_origin(&self, chunk: usize) -> (usize, usize) {
         let (down, across) = (chunk / self.chunks_across, chunk % self.chunks_across);
-        (down * self.chunk_rows as usize, across * self.chunk_cols as usize)
+        (down * self.chunk_rows, across * self.packing.cols)
     }
 
     /// Rows and columns of the raster that a chunk covers, by its number within a band.
     pub(super) fn chunk_shape(&self, chunk: usize) -> (usize, usize) {
-        let (row, col) = self.chunk_origin(chunk % self.chunks_per_band);
-        ((self.rows - row).min(self.chunk_rows as usize), (self.cols - col).min(self.chunk_cols as usize))
+        let (row, col) = self.chunk_origin(chunk);
+        ((self.rows - row).min(self.chunk_rows), (self.cols - col).min(self.packing.cols))
     }
 
     /// The type's short name.
     pub(super) fn sample_name(&self) -> &'static str {
-        match (self.kind, self.bits) {
+        match (self.kind, 8 * self.packing.size) {
             (SampleKind::Unsigned, 8) => "u8",
             (SampleKind::Unsigned, 16) => "u16",
             (SampleKind::Unsigned, 32) => "u32",
@@ -195,13 +248,16 @@ impl Layout {
     }
 
     /// The packing in words.
-    pub(super) fn packing(&self) -> String {
-        let Self { compression, predictor, chunks_per_band, chunk_rows, chunk_cols, .. } = self;
-        let plural = if *chunks_per_band == 1 { "" } else { "s" };
-        let noun = self.chunk_noun();
+    pub(super) fn packing_words(&self) -> String {
+        let Packing { method, predictor, cols, .. } = self.packing;
+        let plural = if self.chunks_per_band == 1 { "" } else { "s" };
         format!(
-            "{}, predictor {predictor}, {chunks_per_band} {noun}{plural} of {chunk_cols}x{chunk_rows}",
-            compression.name
+            "{}, predictor {}, {} {}{plural} of {cols}x{}",
+            method.name(),
+            predictor as u8,
+            self.chunks_per_band,
+            self.chunk_noun(),
+            self.chunk_rows
         )
     }
 }
@@ -228,13 +284,12 @@ fn sample_type(path: &Path, directory: &Directory<'_>) -> Result<(SampleKind, u6
     }
 }
 
-fn compression(path: &Path, code: u64) -> Result<Compression> {
-    // Deflate: a match of 258 bytes takes 2 bits at best. LZW: a 12-bit code stands for 3837 bytes at best.
-    let (name, expansion) = match code {
-        1 => ("uncompressed", 1),
-        5 => ("LZW", 2600),
-        8 | 32946 => ("deflate", 1040),
-        32773 => ("PackBits", 64),
+fn compression(path: &Path, code: u64) -> Result<Method> {
+    match code {
+        1 => Ok(Method::None),
+        5 => Ok(Method::Lzw),
+        8 | 32946 => Ok(Method::Deflate),
+        32773 => Ok(Method::PackBits),
         _ => {
             let known = match code {
                 2..=4 => " (fax)",
@@ -246,52 +301,27 @@ fn compression(path: &Path, code: u64) -> Result<Compression> {
                 50002 => " (JPEG XL)",
                 _ => "",
             };
-            return Err(Error::file(
+            Err(Error::file(
                 path,
                 "Compression",
                 format!("{code}{known}"),
                 "allowed: none, LZW, deflate, PackBits (gdal_translate -co COMPRESS=DEFLATE converts)",
-            ));
+            ))
         }
-    };
-    Ok(Compression { name, expansion })
+    }
 }
 
-/// Only colour models whose samples come out of the `tiff` crate as they are stored.
-fn check_colours(path: &Path, directory: &Directory<'_>, samples: u64, planar: bool) -> Result<()> {
-    let photometric = directory.required(tag::PHOTOMETRIC)?;
-    let extra = directory.count(tag::EXTRA_SAMPLES) as u64;
-    if extra >= samples.max(1) {
-        let allowed = format!("allowed: fewer than the {samples} bands");
-        return Err(Error::file(path, "ExtraSamples", format!("{extra} values"), allowed));
-    }
-    // Without an alpha channel the crate drops the fourth sample.
-    let alpha = match directory.unsigned(tag::EXTRA_SAMPLES)?.as_deref() {
-        None => true,
-        Some([1 | 2]) => !planar,
-        _ => false,
+/// Grey, either way round (the numbers are heights, not shades), or RGB, of which a band may be chosen.
+fn check_colours(path: &Path, directory: &Directory<'_>) -> Result<()> {
+    let known = match directory.required(tag::PHOTOMETRIC)? {
+        0..=2 => return Ok(()),
+        3 => "3 (palette)".to_owned(),
+        4 => "4 (mask)".to_owned(),
+        5 => "5 (CMYK)".to_owned(),
+        6 => "6 (YCbCr)".to_owned(),
+        other => other.to_string(),
     };
-    match photometric {
-        1 => Ok(()),
-        2 if samples == 3 && extra == 0 => Ok(()),
-        2 if samples == 4 && alpha => Ok(()),
-        2 => {
-            let layout = format!("RGB with {samples} samples, {extra} of them extra");
-            Err(Error::file(path, "bands", layout, "allowed: one band of heights"))
-        }
-        other => {
-            let known = match other {
-                0 => " (white is zero)",
-                3 => " (palette)",
-                4 => " (mask)",
-                5 => " (CMYK)",
-                6 => " (YCbCr)",
-                _ => "",
-            };
-            let found = format!("{other}{known}");
-            Err(Error::file(path, "PhotometricInterpretation", found, "allowed: 1 (black is zero)"))
-        }
-    }
+    Err(Error::file(path, "PhotometricInterpretation", known, "allowed: 0 or 1 (grey), 2 (RGB)"))
 }
 
 #[cfg(test)]
@@ -305,7 +335,10 @@ mod tests {
         let mut deflate = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
         deflate.write_all(&zeros).unwrap();
         let packed = deflate.finish().unwrap().len() as u64;
-        let bound = compression(Path::new("x"), 8).unwrap().expansion;
+        let bound = Method::Deflate.expansion();
         assert!(packed * bound >= zeros.len() as u64, "{packed}");
+        let mut lzw = weezl::encode::Encoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8);
+        let packed = lzw.encode(&zeros).unwrap().len() as u64;
+        assert!(packed * Method::Lzw.expansion() >= zeros.len() as u64, "{packed}");
     }
 }

@@ -1,7 +1,7 @@
 //! GeoTIFF, read and written.
 //!
-//! The header is parsed and checked here, against the file's length, before the `tiff` crate decodes a strip or tile:
-//! the crate allocates what a header claims. Classic and BigTIFF, both byte orders; strips and tiles (GDAL's absent
+//! Header, layout and unpacking are our own, checked against the file's length before anything is allocated (why:
+//! `unpack.rs`); the `tiff` crate writes. Classic and BigTIFF, both byte orders; strips and tiles (GDAL's absent
 //! ones are voids); none, LZW, deflate, PackBits; predictors 1 to 3; integers of 8 to 64 bits, floats of 16 to 64.
 
 mod decode;
@@ -10,6 +10,7 @@ mod encode;
 mod georeference;
 mod layout;
 mod metadata;
+mod unpack;
 
 pub(super) use decode::read;
 pub(super) use encode::write;
@@ -31,7 +32,6 @@ mod tag {
     pub(super) const TILE_LENGTH: u16 = 323;
     pub(super) const TILE_OFFSETS: u16 = 324;
     pub(super) const TILE_BYTE_COUNTS: u16 = 325;
-    pub(super) const EXTRA_SAMPLES: u16 = 338;
     pub(super) const SAMPLE_FORMAT: u16 = 339;
     pub(super) const MODEL_PIXEL_SCALE: u16 = 33550;
     pub(super) const MODEL_TIEPOINT: u16 = 33922;
@@ -59,7 +59,6 @@ mod tag {
             TILE_LENGTH => "TileLength",
             TILE_OFFSETS => "TileOffsets",
             TILE_BYTE_COUNTS => "TileByteCounts",
-            EXTRA_SAMPLES => "ExtraSamples",
             SAMPLE_FORMAT => "SampleFormat",
             MODEL_PIXEL_SCALE => "ModelPixelScale",
             MODEL_TIEPOINT => "ModelTiepoint",
