@@ -62,24 +62,45 @@ impl Sun {
     /// Brightness of a slope, 0 (in its own shadow) to 1 (facing the sun).
     #[must_use]
     pub fn brightness(self, slope: Gradient) -> f32 {
-        let (east, north) = (f64::from(slope.east), f64::from(slope.north));
-        let length = (1.0 + east * east + north * north).sqrt();
+        self.lights().brightness(slope)
+    }
+
+    /// The sun with its trigonometry done, for many slopes.
+    pub(super) fn lights(self) -> Lights {
         let (sin_altitude, cos_altitude) = self.altitude.to_radians().sin_cos();
-        let from = |azimuth: f64| {
-            let (sin, cos) = azimuth.to_radians().sin_cos();
-            ((sin_altitude - cos_altitude * (east * sin + north * cos)) / length).max(0.0)
+        let horizontal =
+            [0.0, -90.0, -45.0, 45.0].map(|turn: f64| (self.azimuth + turn).to_radians().sin_cos());
+        Lights { horizontal, sin_altitude, cos_altitude, multidirectional: self.multidirectional }
+    }
+}
+
+/// Directions of light: the main sun first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lights {
+    /// (east, north) of unit length.
+    horizontal: [(f64, f64); 4],
+    sin_altitude: f64,
+    cos_altitude: f64,
+    multidirectional: f64,
+}
+
+impl Lights {
+    pub(super) fn brightness(&self, slope: Gradient) -> f32 {
+        let (east, north) = (f64::from(slope.east), f64::from(slope.north));
+        let steepness = east * east + north * north;
+        let upright = 1.0 / (1.0 + steepness).sqrt();
+        // Lambert: the surface's normal (-east, -north, 1) times the direction of the light.
+        let from = |(x, y): (f64, f64)| {
+            ((self.sin_altitude - self.cos_altitude * (east * x + north * y)) * upright).max(0.0)
         };
-        let single = from(self.azimuth);
-        if self.multidirectional == 0.0 {
+        let single = from(self.horizontal[0]);
+        // On flat ground all suns are equal.
+        if self.multidirectional == 0.0 || steepness == 0.0 {
             return single as f32;
         }
-        // The downhill direction; on flat ground the four suns are equal, and the weights sum to 2 for any direction.
-        let aspect = (-east).atan2(-north);
-        let many = [-90.0, -45.0, 0.0, 45.0].map(|turn| {
-            let azimuth = self.azimuth + turn;
-            (aspect - azimuth.to_radians()).sin().powi(2) * from(azimuth)
-        });
-        let many = many.iter().sum::<f64>() / 2.0;
+        // Weight: the squared sine of the angle between aspect and sun. Over four suns 45 degrees apart it sums to 2.
+        let across = |(x, y): (f64, f64)| (east * y - north * x).powi(2) / steepness;
+        let many = self.horizontal.iter().map(|&sun| across(sun) * from(sun)).sum::<f64>() / 2.0;
         (single + self.multidirectional * (many - single)) as f32
     }
 }
@@ -149,9 +170,9 @@ pub fn hillshade(
     sun: Sun,
     exaggeration: f64,
 ) -> Grid<f32> {
-    let k = exaggeration as f32;
+    let (k, lights) = (exaggeration as f32, sun.lights());
     gradients(heights, valid, cell_size)
-        .map(|slope| sun.brightness(Gradient { east: slope.east * k, north: slope.north * k }))
+        .map(|slope| lights.brightness(Gradient { east: slope.east * k, north: slope.north * k }))
 }
 
 #[cfg(test)]
@@ -229,6 +250,23 @@ mod tests {
                 Gradient { east: (-steepness * sin) as f32, north: (-steepness * cos) as f32 }
             };
             prop_assert!(sun.brightness(facing(azimuth)) > sun.brightness(facing(azimuth + turn)));
+        }
+
+        /// The multidirectional blend against its definition in angles (Mark 1992).
+        #[test]
+        fn many_suns_follow_the_published_weights(
+            azimuth in 0.0..360.0f64, east in -2.0..2.0f32, north in -2.0..2.0f32,
+        ) {
+            prop_assume!(east.hypot(north) > 1e-3);
+            let single = |azimuth| Sun { azimuth, ..Sun::single() }.brightness(Gradient { east, north });
+            let aspect = f64::from(-east).atan2(f64::from(-north));
+            let suns = [-90.0, -45.0, 0.0, 45.0].map(|turn| azimuth + turn);
+            let weight = |sun: f64| (aspect - sun.to_radians()).sin().powi(2);
+            let expected: f64 = suns.iter().map(|&sun| weight(sun) * f64::from(single(sun))).sum::<f64>()
+                / suns.iter().map(|&sun| weight(sun)).sum::<f64>();
+            let sun = Sun { azimuth, altitude: 45.0, multidirectional: 1.0 };
+            let found = f64::from(sun.brightness(Gradient { east, north }));
+            prop_assert!((found - expected).abs() < 1e-5, "{found} against {expected}");
         }
 
         /// All light stays in 0 to 1, whatever the blend.
