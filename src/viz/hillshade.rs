@@ -118,12 +118,24 @@ impl Lights {
 pub fn gradients(heights: &Grid<f32>, valid: &Mask, cell_size: CellSize) -> Grid<Gradient> {
     assert_eq!(heights.shape(), valid.shape(), "heights and mask have one shape");
     let (rows, cols) = heights.shape();
+    let (values, known) = (heights.as_slice(), valid.as_slice());
     let mut slopes = Grid::filled(rows, cols, Gradient::default());
     slopes.as_mut_slice().par_chunks_mut(cols).enumerate().for_each(|(row, line)| {
+        let inner = row > 0 && row + 1 < rows;
         for (col, slope) in line.iter_mut().enumerate() {
-            if valid[Cell::new(row, col)] {
-                *slope = horn(heights, valid, Cell::new(row, col), cell_size);
+            if !known[row * cols + col] {
+                continue;
             }
+            let window = |line: usize| line * cols + col - 1..line * cols + col + 2;
+            let whole = inner
+                && col > 0
+                && col + 1 < cols
+                && (row - 1..row + 2).all(|line| known[window(line)].iter().all(|&ok| ok));
+            *slope = if whole {
+                horn_inside([row - 1, row, row + 1].map(|line| &values[window(line)]), cell_size)
+            } else {
+                horn(heights, valid, Cell::new(row, col), cell_size)
+            };
         }
     });
     slopes
@@ -137,9 +149,17 @@ fn horn(heights: &Grid<f32>, valid: &Mask, cell: Cell, size: CellSize) -> Gradie
         (row < heights.rows() && col < heights.cols() && valid[there]).then(|| f64::from(heights[there]))
     };
     Gradient {
-        east: (weighted_difference(|line, step| known(line, step)) / size.x()) as f32,
+        east: (weighted_difference(known) / size.x()) as f32,
         north: (weighted_difference(|line, step| known(-step, line)) / size.y()) as f32,
     }
+}
+
+/// [`horn`] where all nine cells are known: `rows` are the northern, own and southern one from the western neighbour on.
+fn horn_inside(rows: [&[f32]; 3], size: CellSize) -> Gradient {
+    let at = |row: usize, col: usize| f64::from(rows[row][col]);
+    let east = (at(0, 2) - at(0, 0)) + 2.0 * (at(1, 2) - at(1, 0)) + (at(2, 2) - at(2, 0));
+    let north = (at(0, 0) - at(2, 0)) + 2.0 * (at(0, 1) - at(2, 1)) + (at(0, 2) - at(2, 2));
+    Gradient { east: (east / (8.0 * size.x())) as f32, north: (north / (8.0 * size.y())) as f32 }
 }
 
 /// Rise a step along three parallel lines, weighted 1-2-1: `at(line, step)`, both -1 to 1, is a height if known.
@@ -224,6 +244,20 @@ mod tests {
         for &light in hillshade(&heights, &everywhere(&heights), size, Sun::single(), 2.0).as_slice() {
             assert_abs_diff_eq!(f64::from(light), (steep - 45f64.to_radians()).cos(), epsilon = 1e-5);
         }
+    }
+
+    #[test]
+    fn the_kernel_is_horns_inside_and_next_to_voids() {
+        let size = CellSize::new(2.0, 4.0).unwrap();
+        let heights = Grid::from_vec(3, 3, vec![1.0, 2.0, 4.0, 3.0, 9.0, 5.0, 0.0, 1.0, 8.0]).unwrap();
+        let mut valid = everywhere(&heights);
+        let centre = |valid: &Mask| gradients(&heights, valid, size)[Cell::new(1, 1)];
+        // (4 + 2*5 + 8 - 1 - 2*3 - 0) / (8*2) and (1 + 2*2 + 4 - 0 - 2*1 - 8) / (8*4).
+        assert_eq!(centre(&valid), Gradient { east: 15.0 / 16.0, north: -1.0 / 32.0 });
+        // Without the eastern neighbour its line has the one-sided difference 9 - 3.
+        valid[Cell::new(1, 2)] = false;
+        let east = (1.5 + 2.0 * 6.0 + 4.0) / 4.0 / 2.0;
+        assert_eq!(centre(&valid), Gradient { east, north: -1.0 / 32.0 });
     }
 
     #[test]

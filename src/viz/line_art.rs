@@ -206,7 +206,7 @@ impl LineArt {
 
     fn scale_of(&self, picture: &Picture) -> Result<f64> {
         let (rows, cols) = picture.shape();
-        let scale = if self.rows == 0 { 0 } else { rows / self.rows };
+        let scale = rows.checked_div(self.rows).unwrap_or(0);
         if scale == 0 || rows != self.rows * scale || cols != self.cols * scale {
             return Err(Error::value(
                 "picture under the lines",

@@ -145,7 +145,7 @@ impl Curves {
         let x = Axis::exactly(xs(), frame.left, frame.right);
         let y = Axis::around(ys.filter(|&y| panel.drawable(y)), panel.log, frame.bottom, frame.top);
         let small = |anchor| Words::new(12.0, SOFT_INK, anchor);
-        for (at, name) in y.marks(((frame.bottom - frame.top) / 42.0) as usize) {
+        for (at, name) in y.marks(((frame.bottom - frame.top) / 36.0) as usize) {
             canvas.line(&[(frame.left, at), (frame.right, at)], GRID, 1.0);
             canvas.text((frame.left - 9.0, at), &name, small(Anchor::Right));
         }

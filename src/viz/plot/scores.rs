@@ -41,7 +41,6 @@ pub struct ScorePlot {
 }
 
 const WIDTH: f64 = 860.0;
-const LEFT: f64 = 176.0;
 const RIGHT: f64 = 640.0;
 const TOP: f64 = 62.0;
 const ROW: f64 = 38.0;
@@ -92,15 +91,18 @@ impl ScorePlot {
         };
         let names: Vec<&str> = self.systems.iter().map(|(name, _)| name.as_str()).collect();
         let description = format!("{}: {} of {}", self.title, self.quantity, names.join(", "));
+        // Names stand left of the axis; without the viewer's font their width is a guess on the wide side.
+        let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
+        let left = (longest as f64 * 7.4 + 40.0).clamp(120.0, 360.0);
         Ok(draw(WIDTH as u32, (bottom + 62.0) as u32, description, |canvas| {
             let x =
-                Axis::around(self.systems.iter().flat_map(|(_, s)| s.iter().copied()), false, LEFT, RIGHT);
+                Axis::around(self.systems.iter().flat_map(|(_, s)| s.iter().copied()), false, left, RIGHT);
             canvas.text((20.0, 26.0), &self.title, Words::new(17.0, INK, Anchor::Left).bold());
             for (at, name) in x.marks(7) {
                 canvas.line(&[(at, TOP), (at, bottom)], GRID, 1.0);
                 canvas.text((at, bottom + 16.0), &name, Words::new(12.0, SOFT_INK, Anchor::Middle));
             }
-            let below = ((LEFT + RIGHT) / 2.0, bottom + 38.0);
+            let below = ((left + RIGHT) / 2.0, bottom + 38.0);
             let heading = format!("{}   ({direction})", self.quantity);
             canvas.text(below, &heading, Words::new(13.0, INK, Anchor::Middle).bold());
             canvas.text((RIGHT + 22.0, TOP - 10.0), "mean ± sd", Words::new(12.0, SOFT_INK, Anchor::Left));
@@ -109,7 +111,7 @@ impl ScorePlot {
                 let chosen = self.highlight.as_deref() == Some(name);
                 let colour = if chosen { SERIES[1] } else { SERIES[0] };
                 let words = Words::new(13.0, INK, Anchor::Right);
-                canvas.text((LEFT - 14.0, y), name, if chosen { words.bold() } else { words });
+                canvas.text((left - 14.0, y), name, if chosen { words.bold() } else { words });
                 self.paint_row(canvas, &x, y, scores, colour, chosen);
             }
         }))
