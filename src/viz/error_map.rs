@@ -5,7 +5,7 @@
 
 use super::palette::Palette;
 use super::relief::void_color;
-use super::upsample::upsample;
+use super::upsample::{check_scale, upsample};
 use super::{Picture, Rgb};
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid, Mask};
@@ -42,9 +42,7 @@ pub fn error_map(
     if !(limit.is_finite() && limit > 0.0) {
         return Err(Error::value("limit of the differences", limit, "allowed: positive and finite"));
     }
-    if !(1..=64).contains(&scale) {
-        return Err(Error::value("pixels a cell", scale, "allowed: 1 to 64"));
-    }
+    check_scale(truth.rows(), truth.cols(), scale)?;
     let difference = upsample(&differences(estimate, truth, valid)?, valid, scale);
     let colours: Vec<Rgb> = Palette::Difference.table().iter().map(|c| c.to_rgb()).collect();
     let last = (colours.len() - 1) as f64;

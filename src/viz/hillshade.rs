@@ -62,24 +62,45 @@ impl Sun {
     /// Brightness of a slope, 0 (in its own shadow) to 1 (facing the sun).
     #[must_use]
     pub fn brightness(self, slope: Gradient) -> f32 {
-        let (east, north) = (f64::from(slope.east), f64::from(slope.north));
-        let length = (1.0 + east * east + north * north).sqrt();
+        self.lights().brightness(slope)
+    }
+
+    /// The sun with its trigonometry done, for many slopes.
+    pub(super) fn lights(self) -> Lights {
         let (sin_altitude, cos_altitude) = self.altitude.to_radians().sin_cos();
-        let from = |azimuth: f64| {
-            let (sin, cos) = azimuth.to_radians().sin_cos();
-            ((sin_altitude - cos_altitude * (east * sin + north * cos)) / length).max(0.0)
+        let horizontal =
+            [0.0, -90.0, -45.0, 45.0].map(|turn: f64| (self.azimuth + turn).to_radians().sin_cos());
+        Lights { horizontal, sin_altitude, cos_altitude, multidirectional: self.multidirectional }
+    }
+}
+
+/// Directions of light: the main sun first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lights {
+    /// (east, north) of unit length.
+    horizontal: [(f64, f64); 4],
+    sin_altitude: f64,
+    cos_altitude: f64,
+    multidirectional: f64,
+}
+
+impl Lights {
+    pub(super) fn brightness(&self, slope: Gradient) -> f32 {
+        let (east, north) = (f64::from(slope.east), f64::from(slope.north));
+        let steepness = east * east + north * north;
+        let upright = 1.0 / (1.0 + steepness).sqrt();
+        // Lambert: the surface's normal (-east, -north, 1) times the direction of the light.
+        let from = |(x, y): (f64, f64)| {
+            ((self.sin_altitude - self.cos_altitude * (east * x + north * y)) * upright).max(0.0)
         };
-        let single = from(self.azimuth);
-        if self.multidirectional == 0.0 {
+        let single = from(self.horizontal[0]);
+        // On flat ground all suns are equal.
+        if self.multidirectional == 0.0 || steepness == 0.0 {
             return single as f32;
         }
-        // The downhill direction; on flat ground the four suns are equal, and the weights sum to 2 for any direction.
-        let aspect = (-east).atan2(-north);
-        let many = [-90.0, -45.0, 0.0, 45.0].map(|turn| {
-            let azimuth = self.azimuth + turn;
-            (aspect - azimuth.to_radians()).sin().powi(2) * from(azimuth)
-        });
-        let many = many.iter().sum::<f64>() / 2.0;
+        // Weight: the squared sine of the angle between aspect and sun. Over four suns 45 degrees apart it sums to 2.
+        let across = |(x, y): (f64, f64)| (east * y - north * x).powi(2) / steepness;
+        let many = self.horizontal.iter().map(|&sun| across(sun) * from(sun)).sum::<f64>() / 2.0;
         (single + self.multidirectional * (many - single)) as f32
     }
 }
@@ -97,12 +118,24 @@ impl Sun {
 pub fn gradients(heights: &Grid<f32>, valid: &Mask, cell_size: CellSize) -> Grid<Gradient> {
     assert_eq!(heights.shape(), valid.shape(), "heights and mask have one shape");
     let (rows, cols) = heights.shape();
+    let (values, known) = (heights.as_slice(), valid.as_slice());
     let mut slopes = Grid::filled(rows, cols, Gradient::default());
     slopes.as_mut_slice().par_chunks_mut(cols).enumerate().for_each(|(row, line)| {
+        let inner = row > 0 && row + 1 < rows;
         for (col, slope) in line.iter_mut().enumerate() {
-            if valid[Cell::new(row, col)] {
-                *slope = horn(heights, valid, Cell::new(row, col), cell_size);
+            if !known[row * cols + col] {
+                continue;
             }
+            let window = |line: usize| line * cols + col - 1..line * cols + col + 2;
+            let whole = inner
+                && col > 0
+                && col + 1 < cols
+                && (row - 1..row + 2).all(|line| known[window(line)].iter().all(|&ok| ok));
+            *slope = if whole {
+                horn_inside([row - 1, row, row + 1].map(|line| &values[window(line)]), cell_size)
+            } else {
+                horn(heights, valid, Cell::new(row, col), cell_size)
+            };
         }
     });
     slopes
@@ -116,9 +149,17 @@ fn horn(heights: &Grid<f32>, valid: &Mask, cell: Cell, size: CellSize) -> Gradie
         (row < heights.rows() && col < heights.cols() && valid[there]).then(|| f64::from(heights[there]))
     };
     Gradient {
-        east: (weighted_difference(|line, step| known(line, step)) / size.x()) as f32,
+        east: (weighted_difference(known) / size.x()) as f32,
         north: (weighted_difference(|line, step| known(-step, line)) / size.y()) as f32,
     }
+}
+
+/// [`horn`] where all nine cells are known: `rows` are the northern, own and southern one from the western neighbour on.
+fn horn_inside(rows: [&[f32]; 3], size: CellSize) -> Gradient {
+    let at = |row: usize, col: usize| f64::from(rows[row][col]);
+    let east = (at(0, 2) - at(0, 0)) + 2.0 * (at(1, 2) - at(1, 0)) + (at(2, 2) - at(2, 0));
+    let north = (at(0, 0) - at(2, 0)) + 2.0 * (at(0, 1) - at(2, 1)) + (at(0, 2) - at(2, 2));
+    Gradient { east: (east / (8.0 * size.x())) as f32, north: (north / (8.0 * size.y())) as f32 }
 }
 
 /// Rise a step along three parallel lines, weighted 1-2-1: `at(line, step)`, both -1 to 1, is a height if known.
@@ -149,9 +190,9 @@ pub fn hillshade(
     sun: Sun,
     exaggeration: f64,
 ) -> Grid<f32> {
-    let k = exaggeration as f32;
+    let (k, lights) = (exaggeration as f32, sun.lights());
     gradients(heights, valid, cell_size)
-        .map(|slope| sun.brightness(Gradient { east: slope.east * k, north: slope.north * k }))
+        .map(|slope| lights.brightness(Gradient { east: slope.east * k, north: slope.north * k }))
 }
 
 #[cfg(test)]
@@ -206,6 +247,20 @@ mod tests {
     }
 
     #[test]
+    fn the_kernel_is_horns_inside_and_next_to_voids() {
+        let size = CellSize::new(2.0, 4.0).unwrap();
+        let heights = Grid::from_vec(3, 3, vec![1.0, 2.0, 4.0, 3.0, 9.0, 5.0, 0.0, 1.0, 8.0]).unwrap();
+        let mut valid = everywhere(&heights);
+        let centre = |valid: &Mask| gradients(&heights, valid, size)[Cell::new(1, 1)];
+        // (4 + 2*5 + 8 - 1 - 2*3 - 0) / (8*2) and (1 + 2*2 + 4 - 0 - 2*1 - 8) / (8*4).
+        assert_eq!(centre(&valid), Gradient { east: 15.0 / 16.0, north: -1.0 / 32.0 });
+        // Without the eastern neighbour its line has the one-sided difference 9 - 3.
+        valid[Cell::new(1, 2)] = false;
+        let east = (1.5 + 2.0 * 6.0 + 4.0) / 4.0 / 2.0;
+        assert_eq!(centre(&valid), Gradient { east, north: -1.0 / 32.0 });
+    }
+
+    #[test]
     fn flat_ground_is_uniform_under_any_light() {
         let size = CellSize::square(30.0).unwrap();
         let heights = Grid::filled(4, 7, 812.0f32);
@@ -229,6 +284,23 @@ mod tests {
                 Gradient { east: (-steepness * sin) as f32, north: (-steepness * cos) as f32 }
             };
             prop_assert!(sun.brightness(facing(azimuth)) > sun.brightness(facing(azimuth + turn)));
+        }
+
+        /// The multidirectional blend against its definition in angles (Mark 1992).
+        #[test]
+        fn many_suns_follow_the_published_weights(
+            azimuth in 0.0..360.0f64, east in -2.0..2.0f32, north in -2.0..2.0f32,
+        ) {
+            prop_assume!(east.hypot(north) > 1e-3);
+            let single = |azimuth| Sun { azimuth, ..Sun::single() }.brightness(Gradient { east, north });
+            let aspect = f64::from(-east).atan2(f64::from(-north));
+            let suns = [-90.0, -45.0, 0.0, 45.0].map(|turn| azimuth + turn);
+            let weight = |sun: f64| (aspect - sun.to_radians()).sin().powi(2);
+            let expected: f64 = suns.iter().map(|&sun| weight(sun) * f64::from(single(sun))).sum::<f64>()
+                / suns.iter().map(|&sun| weight(sun)).sum::<f64>();
+            let sun = Sun { azimuth, altitude: 45.0, multidirectional: 1.0 };
+            let found = f64::from(sun.brightness(Gradient { east, north }));
+            prop_assert!((found - expected).abs() < 1e-5, "{found} against {expected}");
         }
 
         /// All light stays in 0 to 1, whatever the blend.

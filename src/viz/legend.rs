@@ -110,7 +110,7 @@ fn draw_bar(bar: &ColorBar, picture: &mut Picture, top: usize, left: usize, size
         let colour = bar.palette.color(col as f32 / (width - 1) as f32);
         picture.fill(row, left + col, height, 1, colour);
     }
-    let (mut at, step) = ticks(bar.low, bar.high, 4);
+    let (mut at, step) = ticks(bar.low, bar.high, 5);
     if bar.open {
         // The ends carry the meaning here, so they are named even when they are no round step.
         at = vec![bar.low, bar.low / 2.0, 0.0, bar.high / 2.0, bar.high];

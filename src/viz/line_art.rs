@@ -6,6 +6,7 @@
 //! line length x width) pixels, whatever the number of vertices.
 
 use super::color::Oklab;
+use super::upsample::check_scale;
 use super::{Picture, Rgb};
 use crate::error::{Error, Result};
 use crate::grid::Cell;
@@ -25,7 +26,7 @@ pub struct LineStyle {
     pub casing: Rgb,
     /// Opacity of the rim, 0 to 1.
     pub casing_opacity: f32,
-    /// Width of the rim on each side in cells; never thinner than 0.7 pixels. 0: no rim.
+    /// Width of the rim on each side in cells; never thinner than 0.6 pixels. 0: no rim.
     pub casing_width: f64,
 }
 
@@ -34,10 +35,10 @@ impl Default for LineStyle {
         Self {
             ridge: Rgb::hex(0xff_c8_1f),
             valley: Rgb::hex(0x2f_86_ec),
-            width: 0.5,
+            width: 0.6,
             casing: Rgb::hex(0x1a_1c_24),
             casing_opacity: 0.62,
-            casing_width: 0.22,
+            casing_width: 0.2,
         }
     }
 }
@@ -168,7 +169,7 @@ impl LineArt {
         }
         let radius = (style.width * scale).max(1.1) / 2.0;
         if style.casing_width > 0.0 {
-            let rim = radius + (style.casing_width * scale).max(0.7);
+            let rim = radius + (style.casing_width * scale).max(0.6);
             let layer = self.layer(picture.shape(), scale, rim, |_| true);
             layer.lay_on(picture, style.casing_opacity, |_| style.casing);
         }
@@ -183,9 +184,7 @@ impl LineArt {
     /// # Errors
     /// When `scale` or a side of the map is out of range.
     pub fn on_paper(&self, scale: usize) -> Result<Picture> {
-        if !(1..=64).contains(&scale) {
-            return Err(Error::value("pixels a cell", scale, "allowed: 1 to 64"));
-        }
+        check_scale(self.rows, self.cols, scale)?;
         if self.rows == 0 || self.cols == 0 {
             let found = format!("{}x{}", self.rows, self.cols);
             return Err(Error::value("map of the sketch", found, "allowed: at least 1x1"));
@@ -207,7 +206,7 @@ impl LineArt {
 
     fn scale_of(&self, picture: &Picture) -> Result<f64> {
         let (rows, cols) = picture.shape();
-        let scale = if self.rows == 0 { 0 } else { rows / self.rows };
+        let scale = rows.checked_div(self.rows).unwrap_or(0);
         if scale == 0 || rows != self.rows * scale || cols != self.cols * scale {
             return Err(Error::value(
                 "picture under the lines",

@@ -110,7 +110,7 @@ impl Picture {
         })
     }
 
-    /// The picture as a PNG file, 8-bit RGB, marked as sRGB, strongly compressed.
+    /// The picture as a PNG file, 8-bit RGB, marked as sRGB, compressed well (the strongest setting saves 2 % more in three times the time).
     ///
     /// # Panics
     /// When a side is longer than 2^31 - 1 pixels, which PNG cannot hold; such a picture does not fit into memory.
@@ -123,7 +123,7 @@ impl Picture {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        encoder.set_compression(png::Compression::High);
+        encoder.set_compression(png::Compression::Balanced);
         let written = encoder.write_header().and_then(|mut writer| {
             writer.write_image_data(&bytes)?;
             writer.finish()

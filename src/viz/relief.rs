@@ -7,7 +7,7 @@
 use super::color::Oklab;
 use super::hillshade::{Gradient, Sun, gradients};
 use super::palette::{Palette, look_up};
-use super::upsample::upsample;
+use super::upsample::{check_scale, upsample};
 use super::{Picture, Rgb};
 use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
@@ -62,7 +62,8 @@ pub struct Relief {
     /// Heights (metres) that get the palette's first and last colour; those beyond get the nearer one. `None`: the
     /// lowest and highest of the DEM drawn.
     pub range: Option<(f64, f64)>,
-    /// Pixels a cell, along each side: at least 1. Heights are interpolated smoothly.
+    /// Pixels a cell, along each side: 1 to 64, and no more than 2^27 in the picture. Heights are interpolated
+    /// smoothly.
     pub scale: usize,
 }
 
@@ -111,6 +112,7 @@ impl Relief {
     /// When a field is out of range.
     pub fn draw(&self, dem: &Dem) -> Result<Picture> {
         self.check()?;
+        check_scale(dem.shape().0, dem.shape().1, self.scale)?;
         let slopes = gradients(dem.heights(), dem.valid(), dem.cell_size());
         let k = self.exaggeration.factor(&slopes, dem) as f32;
         let part = |pick: fn(&Gradient) -> f32| {
@@ -122,7 +124,7 @@ impl Relief {
             let (low, high) = dem.range();
             (f64::from(low), f64::from(high))
         });
-        let tints = self.palette.table();
+        let (tints, lights) = (self.palette.table(), self.sun.lights());
         let (rows, cols) = heights.shape();
         let mut picture = Picture::filled(rows, cols, Rgb::WHITE);
         picture.pixels_mut().as_mut_slice().par_chunks_mut(cols).enumerate().for_each(|(row, line)| {
@@ -134,7 +136,7 @@ impl Relief {
                 }
                 let height = if high > low { (f64::from(heights[at]) - low) / (high - low) } else { 0.5 };
                 let slope = Gradient { east: east[at], north: north[at] };
-                *pixel = self.lit(look_up(&tints, height as f32), self.sun.brightness(slope)).to_rgb();
+                *pixel = self.lit(look_up(&tints, height as f32), lights.brightness(slope)).to_rgb();
             }
         });
         Ok(picture)
@@ -198,9 +200,6 @@ impl Relief {
         {
             let found = format!("{low},{high}");
             return Err(Error::value("height range", found, "allowed: two finite heights, the lower first"));
-        }
-        if !(1..=64).contains(&self.scale) {
-            return Err(Error::value("pixels a cell", self.scale, "allowed: 1 to 64"));
         }
         Ok(())
     }

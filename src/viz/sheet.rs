@@ -104,7 +104,7 @@ impl Sheet {
         self
     }
 
-    /// The sheet. Text grows with the panels, from 13 to 24 pixels.
+    /// The sheet. Text grows with the panels and with the sheet's width, from 13 to 26 pixels.
     ///
     /// # Errors
     /// When there is no column or no panel, panels differ in shape, heads do not fit the grid, or a scale is not
@@ -226,7 +226,8 @@ struct Plan {
 impl Plan {
     fn of(sheet: &Sheet) -> Self {
         let panel = sheet.panels[0].0.shape();
-        let size = (panel.1 as f32 / 24.0).clamp(13.0, 24.0);
+        let used = sheet.columns.min(sheet.panels.len());
+        let size = (panel.1 as f32 / 24.0).max((used * panel.1) as f32 / 85.0).clamp(13.0, 26.0);
         let title_text = Lettering::new(size * 1.5, Weight::SemiBold, INK);
         let head_text = Lettering::new(size, Weight::SemiBold, INK);
         let soft_text = Lettering::new(size, Weight::Regular, SOFT_INK);
@@ -234,7 +235,6 @@ impl Plan {
         let margin = (size * 1.8) as usize;
         let gap = (size * 1.1) as usize;
         let row_head = if sheet.row_heads.is_empty() { 0 } else { head_text.line_height() + gap / 2 };
-        let used = sheet.columns.min(sheet.panels.len());
         // A single narrow panel still leaves room for its legends.
         let widest = sheet.legends.iter().map(|l| l.shape(size).1).max().unwrap_or(0);
         let content = (row_head + used * panel.1 + (used - 1) * gap).max(widest);

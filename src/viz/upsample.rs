@@ -4,8 +4,23 @@
 //! Bilinear interpolation would show each cell as a facet once the surface is shaded, because its slope jumps at cell
 //! borders; this one has a continuous slope. Cost: O(pixels).
 
+use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid, Mask};
 use rayon::prelude::*;
+
+/// Largest number of pixels that enlarging may make: 2^27, a square of 11,585.
+const MOST_PIXELS: usize = 1 << 27;
+
+/// Refuses a number of pixels a cell that no picture of `rows` x `cols` cells should have. At one pixel a cell the
+/// picture is as large as the raster, which fits into memory already.
+pub(super) fn check_scale(rows: usize, cols: usize, scale: usize) -> Result<()> {
+    let pixels = (rows * scale).checked_mul(cols * scale);
+    if scale == 0 || scale > 64 || (scale > 1 && pixels.is_none_or(|n| n > MOST_PIXELS)) {
+        let allowed = format!("allowed: 1 to 64, and {MOST_PIXELS} pixels in all for {rows}x{cols} cells");
+        return Err(Error::value("pixels a cell", scale, allowed));
+    }
+    Ok(())
+}
 
 /// The values at `factor` pixels a cell. Pixel i lies at (i + 0.5) / factor - 0.5 cells; past the outermost cell
 /// centres the border value goes on. Void cells first take the mean of their valid neighbours (two rings deep, 0
@@ -111,6 +126,14 @@ mod tests {
                 let (y, x) = ((row as f32 + 0.5) / 3.0 - 0.5, (col as f32 + 0.5) / 3.0 - 0.5);
                 assert_abs_diff_eq!(large[Cell::new(row, col)], 2.0 * y - 3.0 * x, epsilon = 1e-4);
             }
+        }
+    }
+
+    #[test]
+    fn a_picture_too_large_is_refused_before_it_is_made() {
+        assert!(check_scale(3601, 3601, 3).is_ok() && check_scale(100_000, 100_000, 1).is_ok());
+        for (side, scale) in [(3601, 4), (128, 65), (128, 0), (1 << 40, 2)] {
+            assert!(check_scale(side, side, scale).unwrap_err().to_string().contains("pixels a cell"));
         }
     }
 
