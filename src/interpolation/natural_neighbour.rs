@@ -368,15 +368,13 @@ mod tests {
         let squared = |c: Cell, y: f64, x: f64| (c.row as f64 - y).powi(2) + (c.col as f64 - x).powi(2);
         for y in (0..lines.rows() * fine).map(at) {
             for x in (0..lines.cols() * fine).map(at) {
-                let (nearest, distance) = sites
-                    .iter()
-                    .enumerate()
-                    .map(|(i, &s)| (i, squared(s, y, x)))
-                    .min_by(|a, b| a.1.total_cmp(&b.1))
-                    .unwrap();
-                // A point on the border counts half: diagonal borders run through the lattice.
+                let distances: Vec<f64> = sites.iter().map(|&s| squared(s, y, x)).collect();
+                let distance = distances.iter().copied().fold(f64::INFINITY, f64::min);
+                // Diagonal borders run through the lattice: a point on a border is shared.
+                let near: Vec<usize> = (0..sites.len()).filter(|&i| distances[i] - distance < 1e-9).collect();
                 let gain = distance - squared(cell, y, x);
-                lost[nearest] += if gain.abs() < 1e-9 { 0.5 } else { f64::from(u8::from(gain > 0.0)) };
+                let gained = if gain.abs() < 1e-9 { 0.5 } else { f64::from(u8::from(gain > 0.0)) };
+                near.iter().for_each(|&i| lost[i] += gained / near.len() as f64);
             }
         }
         let total: f64 = lost.iter().sum();
