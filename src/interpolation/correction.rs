@@ -95,3 +95,90 @@ impl Correction {
         Ok(corrected)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Cell;
+    use crate::sketch::StrokeKind;
+
+    const KINDS: [CorrectionKind; 2] = [CorrectionKind::Harmonic, CorrectionKind::NaturalNeighbour];
+
+    fn terrain(c: Cell) -> f32 {
+        ((c.row as f32 * 0.3).sin() + (c.col as f32 * 0.2).cos()) * 0.3 + 0.1
+    }
+
+    fn lines_of(height: impl Fn(Cell) -> f32) -> LineMap {
+        let mut lines = LineMap::empty(40, 50);
+        for i in 5..35 {
+            let (ridge, valley) = (Cell::new(i, 10 + i / 3), Cell::new(i, 40 - i / 2));
+            lines.set(ridge, StrokeKind::Ridge, height(ridge));
+            lines.set(valley, StrokeKind::Valley, height(valley));
+        }
+        lines
+    }
+
+    #[test]
+    fn line_heights_become_exact() {
+        let lines = lines_of(|c| 1.0 / (1.0 + c.row as f32 + 0.7 * c.col as f32));
+        let before = Grid::from_fn(40, 50, terrain);
+        for kind in KINDS {
+            let after = Correction::new(kind, &lines).unwrap().apply(&before).unwrap();
+            for (cell, kind) in lines.kinds().cells() {
+                assert!(kind.is_none() || after[cell].to_bits() == lines.heights()[cell].to_bits());
+            }
+            assert_eq!(
+                Correction::new(CorrectionKind::Harmonic, &lines).unwrap().apply(&after).unwrap(),
+                after
+            );
+        }
+    }
+
+    #[test]
+    fn a_constant_error_disappears() {
+        let lines = lines_of(terrain);
+        let off = Grid::from_fn(40, 50, |c| terrain(c) + 0.25);
+        for kind in KINDS {
+            let after = Correction::new(kind, &lines).unwrap().apply(&off).unwrap();
+            for (cell, z) in after.cells() {
+                assert!((z - terrain(cell)).abs() < 1e-6, "{kind:?} {cell:?}");
+            }
+        }
+    }
+
+    /// Between two walls the harmonic extension of what is missing is a ramp, and so is that of natural neighbours.
+    #[test]
+    fn between_walls_the_error_is_carried_linearly() {
+        let mut lines = LineMap::empty(101, 21);
+        for row in 0..101 {
+            lines.set(Cell::new(row, 0), StrokeKind::Ridge, 1.0);
+            lines.set(Cell::new(row, 20), StrokeKind::Valley, 0.0);
+        }
+        let flat = Grid::filled(101, 21, 0.5);
+        for (kind, tolerance) in [(CorrectionKind::Harmonic, 1e-6), (CorrectionKind::NaturalNeighbour, 0.02)]
+        {
+            let after = Correction::new(kind, &lines).unwrap().apply(&flat).unwrap();
+            for col in 0..21 {
+                let want = 1.0 - col as f32 / 20.0;
+                assert!((after[Cell::new(50, col)] - want).abs() < tolerance, "{kind:?} column {col}");
+            }
+        }
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let lines = lines_of(terrain);
+        for kind in KINDS {
+            assert!(Correction::new(kind, &LineMap::empty(3, 3)).is_err());
+            let correction = Correction::new(kind, &lines).unwrap();
+            assert!(correction.apply(&Grid::filled(3, 3, 0.0)).is_err());
+            let mut hole = Grid::from_fn(40, 50, terrain);
+            hole[Cell::new(7, 8)] = f32::NAN;
+            assert!(correction.apply(&hole).unwrap_err().to_string().contains("row 7, column 8"));
+        }
+        assert_eq!(
+            serde_json::to_string(&CorrectionKind::NaturalNeighbour).unwrap(),
+            "\"natural-neighbour\""
+        );
+    }
+}

@@ -2,6 +2,7 @@
 //! any terrain pass through its sketch.
 
 mod correction;
+mod multigrid;
 mod natural_neighbour;
 mod smooth_surface;
 mod sparse_matrix;

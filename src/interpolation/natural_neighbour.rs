@@ -344,28 +344,119 @@ fn area_within(polygon: &[[f64; 2]], normal: [f64; 2], bar: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    #[test]
-    fn timing() {
-        for (n, dense) in [(128, true), (128, false), (512, false)] {
-            let lines = Mask::from_fn(n, n, |c| {
-                if dense {
-                    (c.row * 31 + c.col * 17 + c.row * c.col) % 9 == 0
-                } else {
-                    let (y, x) = (c.row as f64 / n as f64 - 0.4, c.col as f64 / n as f64 - 0.4);
-                    ((y * y + x * x).sqrt() - 0.35).abs() < 0.5 / n as f64
-                        || (c.row == c.col && x.abs() < 0.2)
-                }
-            });
-            let t = std::time::Instant::now();
-            let d = NaturalNeighbours::new(&lines).unwrap();
-            let t1 = t.elapsed();
-            let w = d.weights();
-            eprintln!(
-                "{n} {dense} sites {} nnz/row {} build {t1:?} all {:?}",
-                d.site_count(),
-                w.entries() as f64 / w.rows() as f64,
-                t.elapsed()
-            );
+    use proptest::prelude::*;
+
+    fn mask(rows: usize, cols: usize, lines: &[(usize, usize)]) -> Mask {
+        Mask::from_fn(rows, cols, |c| lines.contains(&(c.row, c.col)))
+    }
+
+    fn masks() -> impl Strategy<Value = Mask> {
+        (1usize..18, 1usize..18, 0.01f64..0.9).prop_flat_map(|(rows, cols, share)| {
+            let cells = proptest::collection::vec(0.0f64..1.0, rows * cols);
+            (cells, 0..rows * cols).prop_map(move |(cells, sure)| {
+                let lines = cells.iter().enumerate().map(|(i, &u)| i == sure || u < share).collect();
+                Grid::from_vec(rows, cols, lines).unwrap()
+            })
+        })
+    }
+
+    /// Shares by counting the points of a lattice, `fine` x `fine` in each cell, that each line cell loses.
+    fn by_counting(lines: &Mask, cell: Cell, fine: usize) -> Vec<f64> {
+        let sites: Vec<Cell> = lines.cells().filter(|(_, line)| **line).map(|(c, _)| c).collect();
+        let mut lost = vec![0.0; sites.len()];
+        let at = |i: usize| (i as f64 + 0.5) / fine as f64 - 0.5;
+        let squared = |c: Cell, y: f64, x: f64| (c.row as f64 - y).powi(2) + (c.col as f64 - x).powi(2);
+        for y in (0..lines.rows() * fine).map(at) {
+            for x in (0..lines.cols() * fine).map(at) {
+                let distances: Vec<f64> = sites.iter().map(|&s| squared(s, y, x)).collect();
+                let distance = distances.iter().copied().fold(f64::INFINITY, f64::min);
+                // Diagonal borders run through the lattice: a point on a border is shared.
+                let near: Vec<usize> = (0..sites.len()).filter(|&i| distances[i] - distance < 1e-9).collect();
+                let gain = distance - squared(cell, y, x);
+                let gained = if gain.abs() < 1e-9 { 0.5 } else { f64::from(u8::from(gain > 0.0)) };
+                near.iter().for_each(|&i| lost[i] += gained / near.len() as f64);
+            }
         }
+        let total: f64 = lost.iter().sum();
+        lost.iter().map(|l| l / total).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn shares_are_the_areas_that_are_lost(lines in masks(), pick in 0usize..1000) {
+            let weights = natural_neighbour_weights(&lines).unwrap();
+            prop_assert_eq!((weights.rows(), weights.cols()),
+                (lines.len(), lines.as_slice().iter().filter(|l| **l).count()));
+            let mut site = 0;
+            for i in 0..lines.len() {
+                let sum: f64 = weights.row(i).map(|(_, w)| f64::from(w)).sum();
+                prop_assert!((sum - 1.0).abs() < 1e-6);
+                prop_assert!(weights.row(i).all(|(_, w)| w > 0.0));
+                if lines.as_slice()[i] {
+                    prop_assert_eq!(weights.row(i).collect::<Vec<_>>(), vec![(site, 1.0)]);
+                    site += 1;
+                }
+            }
+            let i = pick % lines.len();
+            if !lines.as_slice()[i] {
+                let mut dense = vec![0.0; weights.cols()];
+                weights.row(i).for_each(|(c, w)| dense[c] = f64::from(w));
+                for (got, want) in dense.iter().zip(by_counting(&lines, lines.cell_at(i), 12)) {
+                    prop_assert!((got - want).abs() < 0.02, "cell {}: {} and {}", i, got, want);
+                }
+            }
+        }
+
+        #[test]
+        fn stored_weights_and_direct_interpolation_agree(lines in masks(), seed in 0usize..1000) {
+            let diagram = NaturalNeighbours::new(&lines).unwrap();
+            let values: Vec<f32> = (0..diagram.site_count()).map(|i| ((i * 37 + seed) % 101) as f32).collect();
+            let stored = diagram.weights().product(&values);
+            let direct = diagram.interpolate(&values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>());
+            for (a, b) in stored.iter().zip(direct.as_slice()) {
+                prop_assert!((f64::from(*a) - b).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_plane_comes_back_where_the_frame_is_far() {
+        // Scattered sites, among them many on common circles; a cell is inside when its own new polygon cannot reach the
+        // frame, which holds 12 cells from it here.
+        let lines = Mask::from_fn(60, 70, |c| {
+            (c.row * 31 + c.col * 17 + c.row * c.col) % 9 == 0 || c.row % 7 == c.col % 7
+        });
+        let plane = |c: Cell| 3.0 + 0.25 * c.row as f64 - 1.5 * c.col as f64;
+        let values: Vec<f64> = lines.cells().filter(|(_, line)| **line).map(|(c, _)| plane(c)).collect();
+        let got = NaturalNeighbours::new(&lines).unwrap().interpolate(&values);
+        let inside = |c: Cell| (12..48).contains(&c.row) && (12..58).contains(&c.col);
+        for (cell, z) in got.cells().filter(|(cell, _)| inside(*cell)) {
+            assert!((z - plane(cell)).abs() < 1e-9, "{cell:?}: {z} and {}", plane(cell));
+        }
+    }
+
+    #[test]
+    fn symmetric_sites_share_evenly() {
+        let corners = mask(9, 9, &[(0, 0), (0, 8), (8, 0), (8, 8)]);
+        let weights = natural_neighbour_weights(&corners).unwrap();
+        let centre: Vec<(usize, f32)> = weights.row(4 * 9 + 4).collect();
+        assert_eq!(centre.iter().map(|w| w.0).collect::<Vec<_>>(), [0, 1, 2, 3]);
+        assert!(centre.iter().all(|w| (w.1 - 0.25).abs() < 1e-6));
+    }
+
+    #[test]
+    fn lines_without_a_triangle_are_enough() {
+        let one = natural_neighbour_weights(&mask(5, 7, &[(3, 1)])).unwrap();
+        assert!(one.product(&[42.0]).iter().all(|&z| z == 42.0));
+        // Two points on a row: the share falls linearly between them, by the width of the stolen strip.
+        let two = natural_neighbour_weights(&mask(1, 9, &[(0, 0), (0, 8)])).unwrap();
+        let got = two.product(&[0.0, 8.0]);
+        assert!((got[4] - 4.0).abs() < 1e-6 && got[1] < got[2] && got[2] < got[3]);
+        let column: Vec<(usize, usize)> = (0..40).map(|row| (row, 3)).collect();
+        let values: Vec<f32> = (0..40).map(|row| row as f32).collect();
+        let got = natural_neighbour_weights(&mask(40, 9, &column)).unwrap().product(&values);
+        assert!((got[20 * 9] - 20.0).abs() < 1e-4 && (got[20 * 9 + 8] - 20.0).abs() < 1e-4);
+        assert!(natural_neighbour_weights(&mask(4, 4, &[])).is_err());
     }
 }

@@ -31,9 +31,19 @@ pub enum EdgeGeometry {
 pub enum HeightFrame {
     /// The network's output is the height in the unit interval (paper).
     Absolute,
-    /// The output is a deviation from the Laplace interpolation of the sketch, in units of the sketch's own relief, and
+    /// The output is a deviation from an interpolation of the sketch ([`Base`]), in units of the sketch's own relief, and
     /// edges carry the height of their part in the same units: offset- and scale-free.
     Anchored,
+}
+
+/// The surface from which an anchored model deviates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Base {
+    /// Laplace interpolation of the sketch.
+    Laplace,
+    /// Natural-neighbour interpolation of the sketch.
+    NaturalNeighbour,
 }
 
 /// How messages arriving at a node are pooled inside `Enc` (paper, A.5).
@@ -87,6 +97,8 @@ impl Default for LossWeights {
 pub struct RegionGnnConfig {
     /// Meaning of the network's output.
     pub frame: HeightFrame,
+    /// The surface from which an anchored model deviates.
+    pub base: Base,
     /// Features of an edge.
     pub geometry: EdgeGeometry,
     /// Nearest parts of a pixel (4.2: 10).
@@ -131,6 +143,7 @@ impl Default for RegionGnnConfig {
     fn default() -> Self {
         Self {
             frame: HeightFrame::Anchored,
+            base: Base::NaturalNeighbour,
             geometry: EdgeGeometry::LocalFrame,
             neighbours: 10,
             random_edges: 10_000,

@@ -3,10 +3,10 @@
 //! y + N (z - y on the lines), N the Sibson weights of every pixel over the line cells
 //! ([`interpolation::natural_neighbour_weights`]). Linear in y, so its gradient is one product with the transpose.
 
-use super::graph::RegionGraph;
 use crate::error::Result;
 use crate::interpolation::{self, SparseMatrix};
 use crate::learn::contiguous_f32;
+use crate::sketch::LineMap;
 use candle_core::{CpuStorage, CustomOp1, Layout, Shape, Tensor};
 use std::sync::Arc;
 
@@ -25,16 +25,19 @@ struct Parts {
 }
 
 impl LineCorrection {
-    /// Weights for the lines of a graph.
-    pub(super) fn new(graph: &RegionGraph) -> Result<Self> {
-        let weights = interpolation::natural_neighbour_weights(&graph.line_mask())?;
+    /// Weights for the cells of `lines`.
+    pub(super) fn new(lines: &LineMap) -> Result<Self> {
+        let weights = interpolation::natural_neighbour_weights(&lines.mask())?;
         let transposed = weights.transpose();
-        Ok(Self(Arc::new(Parts {
-            weights,
-            transposed,
-            cells: graph.line_cells().to_vec(),
-            heights: graph.line_heights().to_vec(),
-        })))
+        let kinds = lines.kinds().as_slice();
+        let cells: Vec<u32> = (0..kinds.len()).filter(|&i| kinds[i].is_some()).map(|i| i as u32).collect();
+        let heights = cells.iter().map(|&i| lines.heights().as_slice()[i as usize]).collect();
+        Ok(Self(Arc::new(Parts { weights, transposed, cells, heights })))
+    }
+
+    /// Natural-neighbour interpolation of the lines: (pixels).
+    pub(super) fn interpolate(&self) -> Vec<f32> {
+        self.0.weights.product(&self.0.heights)
     }
 
     /// (pixels) -> (pixels)

@@ -3,7 +3,7 @@
 use super::config::{HeightFrame, RegionGnnConfig};
 use super::losses::smooth;
 use super::network::Network;
-use super::train::{Prepared, SMOOTH_PAIRS};
+use super::train::{LineFrame, Prepared, SMOOTH_PAIRS};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::interpolation::{Correction, CorrectionKind};
@@ -95,7 +95,8 @@ impl RegionGnn {
     /// # Errors
     /// When there is no line.
     pub fn reconstruct(&self, lines: &LineMap, correction: Option<CorrectionKind>, seed: Seed) -> Result<Grid<f32>> {
-        let sketch = Prepared::new(lines, self.config(), false, seed.derive_indexed("exemplar parts", 0))?;
+        let frame = LineFrame::new(lines, self.config(), false)?;
+        let sketch = Prepared::new(lines, &frame, self.config(), seed.derive_indexed("exemplar parts", 0))?;
         let heights = self.run(&sketch, None, seed)?;
         finish(lines, heights, correction)
     }
@@ -109,15 +110,22 @@ impl RegionGnn {
     pub fn generate(&self, lines: &LineMap, config: &GenerationConfig, seed: Seed) -> Result<Grid<f32>> {
         let splits = self.config().splits;
         let (rows, cols) = lines.shape();
+        let frame = LineFrame::new(lines, self.config(), false)?;
         let mut sum = vec![0.0f32; rows * cols];
         for split in 0..splits {
             let seed = seed.derive_indexed("split", split);
-            let sketch = Prepared::new(lines, self.config(), false, seed)?;
+            let sketch = Prepared::new(lines, &frame, self.config(), seed)?;
             let embedding = self.embedding_for(&sketch, config, seed)?;
             let heights = self.run(&sketch, embedding.as_ref(), seed)?;
             sum.iter_mut().zip(&heights).for_each(|(sum, z)| *sum += z / splits as f32);
         }
-        finish(lines, sum, config.correction)
+        match (&frame.correction, config.correction) {
+            // The same weights, already at hand.
+            (Some(correction), Some(CorrectionKind::NaturalNeighbour)) => {
+                Grid::from_vec(rows, cols, correction.correct(&sum))
+            }
+            (_, correction) => finish(lines, sum, correction),
+        }
     }
 
     fn run(&self, sketch: &Prepared, embedding: Option<&Tensor>, seed: Seed) -> Result<Vec<f32>> {

@@ -4,8 +4,7 @@ use super::config::{EdgeGeometry, HeightFrame, RegionGnnConfig};
 use super::nearest::nearest_regions;
 use super::region::Region;
 use crate::error::{Error, Result};
-use crate::grid::{Cell, Grid};
-use crate::interpolation;
+use crate::grid::Cell;
 use crate::sketch::{LineMap, SketchPart, StrokeKind};
 use rayon::prelude::*;
 
@@ -46,18 +45,27 @@ pub struct RegionGraph {
 /// What makes the anchored model independent of offset and scale.
 #[derive(Clone, Debug)]
 pub struct Anchor {
-    /// Laplace interpolation of the sketch, one value a pixel.
+    /// Interpolation of the sketch, one value a pixel.
     pub base: Vec<f32>,
     /// Relief of the sketch: 4 rms(height of the nearest part - mean height of the other k - 1).
     pub scale: f32,
 }
 
 impl RegionGraph {
-    /// Ties every pixel of `lines` to its nearest `parts`.
+    /// Ties every pixel of `lines` to its nearest `parts`. `base`: the interpolation from which an anchored model
+    /// deviates, one value a pixel.
     ///
     /// # Errors
     /// When there is no part.
-    pub fn new(lines: &LineMap, parts: &[SketchPart], config: &RegionGnnConfig) -> Result<Self> {
+    ///
+    /// # Panics
+    /// When an anchored model gets no base, or its length is not the number of pixels.
+    pub fn new(
+        lines: &LineMap,
+        parts: &[SketchPart],
+        base: Option<&[f32]>,
+        config: &RegionGnnConfig,
+    ) -> Result<Self> {
         if parts.is_empty() {
             return Err(Error::value("number of sketch parts", 0, "at least one ridge or valley part is needed"));
         }
@@ -103,15 +111,17 @@ impl RegionGraph {
             anchor: None,
         };
         if config.frame == HeightFrame::Anchored {
-            graph.anchor = Some(graph.anchor(lines)?);
+            let base = base.expect("an anchored model has a base");
+            assert_eq!(base.len(), graph.pixel_count(), "one base height a pixel");
+            graph.anchor = Some(Anchor { base: base.to_vec(), scale: graph.relief() });
         }
         graph.feature_count = feature_count(config);
         graph.features = graph.fixed_features();
         Ok(graph)
     }
 
-    fn anchor(&self, lines: &LineMap) -> Result<Anchor> {
-        let base = interpolation::harmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?;
+    /// 4 rms(height of the nearest part - mean height of the other k - 1), over all pixels.
+    fn relief(&self) -> f32 {
         let mut sum = 0.0f64;
         for pixel in 0..self.pixel_count() {
             let height = |j: usize| f64::from(self.projected_height(pixel * self.k + j));
@@ -120,8 +130,7 @@ impl RegionGraph {
         }
         let relief = 4.0 * (sum / self.pixel_count() as f64).sqrt();
         // A sketch at one height has no relief of its own: any scale gives the same heights back, so take the unit.
-        let scale = if relief > 1e-9 { relief as f32 } else { 1.0 };
-        Ok(Anchor { base: base.as_slice().iter().map(|&z| z as f32).collect(), scale })
+        if relief > 1e-9 { relief as f32 } else { 1.0 }
     }
 
     fn fixed_features(&self) -> Vec<f32> {
@@ -274,15 +283,6 @@ impl RegionGraph {
     pub fn kind_indicators(&self) -> Vec<f32> {
         let one_hot = |r: &Region| if r.kind() == StrokeKind::Ridge { [1.0, 0.0] } else { [0.0, 1.0] };
         self.regions.iter().flat_map(one_hot).collect()
-    }
-
-    /// Which pixels have a line, as a mask.
-    ///
-    /// # Panics
-    /// Never.
-    #[must_use]
-    pub fn line_mask(&self) -> Grid<bool> {
-        Grid::from_fn(self.rows, self.cols, |c| self.indicator[c.row * self.cols + c.col] != 0.0)
     }
 
     fn cell(&self, pixel: usize) -> Cell {

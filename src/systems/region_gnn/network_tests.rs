@@ -3,7 +3,7 @@
 use super::config::{Kernel, Pooling, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::network::Network;
-use super::train::Prepared;
+use super::train::{LineFrame, Prepared};
 use crate::grid::Cell;
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
@@ -29,14 +29,15 @@ fn config(base: RegionGnnConfig) -> RegionGnnConfig {
 /// Heights and all gradients of a weighted sum of the heights, for one kernel.
 fn run(config: &RegionGnnConfig, kernel: Kernel) -> (Vec<f32>, Vec<(String, Vec<f32>)>) {
     let config = RegionGnnConfig { kernel, ..config.clone() };
-    let sketch = Prepared::new(&lines(), &config, true, Seed(1)).unwrap();
+    let frame = LineFrame::new(&lines(), &config, true).unwrap();
+    let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
     let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
     let edges = sketch.draw(&config, config.masked, Seed(3));
     assert!(edges.masked().iter().any(|m| *m) && edges.masked().iter().any(|m| !*m));
     let heights = network.forward(&edges, None, Seed(4)).unwrap().heights;
     let n = heights.elem_count();
     let weights: Vec<f32> = (0..n).map(|i| (i as f32 * 0.7).sin()).collect();
-    let corrected = sketch.correction.as_ref().unwrap().apply(&heights).unwrap();
+    let corrected = frame.correction.as_ref().unwrap().apply(&heights).unwrap();
     let loss = (corrected * Tensor::from_vec(weights, n, &Device::Cpu).unwrap()).unwrap().sum_all().unwrap();
     let gradients = loss.backward().unwrap();
     let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
@@ -76,7 +77,8 @@ fn fused_equals_plain_forward_and_backward() {
 fn parameter_gradients_equal_finite_differences() {
     // A sanity check beside the exact one above: ReLU kinks inside the step leave several per cent.
     let config = config(RegionGnnConfig { noise: 0.1, ..RegionGnnConfig::default() });
-    let sketch = Prepared::new(&lines(), &config, false, Seed(1)).unwrap();
+    let frame = LineFrame::new(&lines(), &config, false).unwrap();
+    let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
     let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
     let edges = sketch.draw(&config, config.masked, Seed(3));
     let value = || {
@@ -121,13 +123,12 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn the_correction_meets_the_lines() {
-    let config = RegionGnnConfig::default();
-    let sketch = Prepared::new(&lines(), &config, false, Seed(1)).unwrap();
-    let correction = LineCorrection::new(&sketch.graph).unwrap();
+    let lines = lines();
+    let correction = LineCorrection::new(&lines).unwrap();
     let heights: Vec<f32> = (0..24 * 30).map(|i| (i as f32 * 0.1).sin()).collect();
     let corrected = correction.correct(&heights);
-    for (&cell, z) in sketch.graph.line_cells().iter().zip(sketch.graph.line_heights()) {
-        assert!((corrected[cell as usize] - z).abs() < 1e-5);
+    for (i, z) in lines.heights().as_slice().iter().enumerate().filter(|(i, _)| lines.mask().as_slice()[*i]) {
+        assert!((corrected[i] - z).abs() < 1e-5);
     }
     assert!(relative(&correction.correct(&corrected), &corrected) < 1e-5);
 }

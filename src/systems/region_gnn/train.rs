@@ -3,7 +3,7 @@
 //! Each epoch draws one of the extractions, random edges, noise and masked parts, takes one step of Adam on the weighted
 //! losses, and reports. Cost: a forward and a backward pass an epoch, linear in pixels.
 
-use super::config::{HeightFrame, RegionGnnConfig};
+use super::config::{Base, HeightFrame, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::edges::PassEdges;
 use super::graph::RegionGraph;
@@ -11,6 +11,7 @@ use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope
 use super::network::{Network, Output};
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
+use crate::interpolation::harmonic;
 use crate::learn::{Adam, Schedule};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
@@ -87,20 +88,44 @@ pub struct TrainingRecord {
     pub history: Vec<EpochReport>,
 }
 
+/// What a sketch's lines alone decide, whatever their parts.
+#[derive(Clone, Debug)]
+pub(super) struct LineFrame {
+    /// Present when losses go through the correction or the model deviates from the natural-neighbour interpolation.
+    pub(super) correction: Option<LineCorrection>,
+    /// The base of an anchored model.
+    base: Option<Vec<f32>>,
+}
+
+impl LineFrame {
+    pub(super) fn new(lines: &LineMap, config: &RegionGnnConfig, corrected: bool) -> Result<Self> {
+        let anchored = config.frame == HeightFrame::Anchored;
+        let natural = anchored && config.base == Base::NaturalNeighbour;
+        let correction = if corrected || natural { Some(LineCorrection::new(lines)?) } else { None };
+        let base = match &correction {
+            Some(correction) if natural => Some(correction.interpolate()),
+            _ if anchored => {
+                let base = harmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?;
+                Some(base.as_slice().iter().map(|&z| z as f32).collect())
+            }
+            _ => None,
+        };
+        Ok(Self { correction, base })
+    }
+}
+
 /// A sketch made ready for training or inference.
 #[derive(Clone, Debug)]
 pub(super) struct Prepared {
     pub(super) graph: Arc<RegionGraph>,
     pub(super) parts: Vec<SketchPart>,
-    pub(super) correction: Option<LineCorrection>,
 }
 
 impl Prepared {
-    pub(super) fn new(lines: &LineMap, config: &RegionGnnConfig, corrected: bool, seed: Seed) -> Result<Self> {
+    pub(super) fn new(lines: &LineMap, frame: &LineFrame, config: &RegionGnnConfig, seed: Seed) -> Result<Self> {
         let parts = split_parts(lines, config.parts, seed);
-        let graph = Arc::new(RegionGraph::new(lines, &parts, config)?);
-        let correction = if corrected { Some(LineCorrection::new(&graph)?) } else { None };
-        Ok(Self { graph, parts, correction })
+        let graph = Arc::new(RegionGraph::new(lines, &parts, frame.base.as_deref(), config)?);
+        Ok(Self { graph, parts })
     }
 
     /// Random edges, noise and masks of one pass.
@@ -134,10 +159,12 @@ pub fn train(
         .enumerate()
         .filter(|(i, lines)| *i == 0 || lines.line_count() > 0)
         .map(|(i, lines)| {
-            Prepared::new(lines, config, config.loss_after_correction, seed.derive_indexed("exemplar parts", i))
+            let frame = LineFrame::new(lines, config, config.loss_after_correction)?;
+            let sketch = Prepared::new(lines, &frame, config, seed.derive_indexed("exemplar parts", i))?;
+            Ok((sketch, frame.correction.filter(|_| config.loss_after_correction)))
         })
         .collect::<Result<Vec<_>>>()?;
-    let Some(first) = samples.first() else {
+    let Some((first, _)) = samples.first() else {
         return Err(Error::value("number of extractions", 0, "the exemplar needs at least one"));
     };
     let target = Target {
@@ -159,11 +186,11 @@ pub fn train(
     let interval = config.epochs.div_ceil(200);
     for epoch in 0..config.epochs {
         let begun = Instant::now();
-        let sample = &samples[choice.random_range(0..samples.len())];
+        let (sample, correction) = &samples[choice.random_range(0..samples.len())];
         let seed = seed.derive_indexed("epoch", epoch);
         let edges = sample.draw(config, config.masked, seed);
         let output = network.forward(&edges, None, seed)?;
-        let (losses, surrogate) = objective.evaluate(&network, sample, &output, seed)?;
+        let (losses, surrogate) = objective.evaluate(&network, sample, correction.as_ref(), &output, seed)?;
         if let Some((what, value)) = losses.first_not_finite() {
             return Err(Error::Diverged { epoch, what, value });
         }
@@ -207,12 +234,13 @@ impl Objective<'_> {
         &self,
         network: &Network,
         sample: &Prepared,
+        correction: Option<&LineCorrection>,
         output: &Output,
         seed: Seed,
     ) -> Result<(LossValues, Tensor)> {
         let w = &self.config.losses;
         let graph = &*sample.graph;
-        let corrected = match &sample.correction {
+        let corrected = match correction {
             Some(correction) => correction.apply(&output.heights)?,
             None => output.heights.clone(),
         };

@@ -75,7 +75,7 @@ mod tests {
             cells.iter().zip(&heights).for_each(|(&c, &z)| lines.set(c, kind, z));
             parts.push(SketchPart { kind, cells, heights });
         }
-        RegionGraph::new(&lines, &parts, &RegionGnnConfig::paper()).unwrap()
+        RegionGraph::new(&lines, &parts, None, &RegionGnnConfig::paper()).unwrap()
     }
 
     #[test]
