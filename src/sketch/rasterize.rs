@@ -58,16 +58,12 @@ fn visits(stroke: &Stroke, rows: usize, cols: usize) -> Vec<Visit> {
     let frame = Frame { rows, cols };
     let mut path = Path { visits: Vec::new(), run_start: 0 };
     for (a, b) in segments(stroke) {
-        match frame.clip(a, b) {
-            Some((p, q)) => {
-                // A segment that comes in from outside does not continue what was drawn before.
-                if p != a {
-                    path.run_start = path.visits.len();
-                }
-                path.follow(frame, p, q);
-            }
-            None => path.run_start = path.visits.len(),
+        let Some((p, q)) = frame.clip(a, b) else { continue };
+        // A segment that comes in from outside does not continue what was drawn before.
+        if p != a {
+            path.run_start = path.visits.len();
         }
+        path.follow(frame, p, q);
     }
     path.visits
 }
@@ -264,6 +260,21 @@ mod tests {
     }
 
     #[test]
+    fn the_point_nearest_to_the_centre_gives_the_height() {
+        // Three segments touch the second cell; the vertex at its centre counts, not the one passed last.
+        let drawn = cells(&[(0.0, 0.0, 0.0), (1.0, 0.0, 5.0), (1.4, 0.0, 9.0), (3.0, 0.0, 9.0)], 1, 4);
+        assert_eq!(drawn, [(0, 0, 0.0), (0, 1, 5.0), (0, 2, 9.0), (0, 3, 9.0)]);
+    }
+
+    #[test]
+    fn the_cell_where_a_stroke_leaves_is_no_corner_of_where_it_comes_back() {
+        // It leaves over a corner of (0, 2) and comes back down column 1.
+        let stroke = [(1.0, 1.0, 1.0), (2.0, -1.2, 1.0), (1.0, -3.0, 1.0), (1.0, 0.0, 1.0)];
+        let plain: Vec<_> = cells(&stroke, 3, 5).iter().map(|&(r, c, _)| (r, c)).collect();
+        assert_eq!(plain, [(1, 1), (0, 1), (0, 2), (0, 1)]);
+    }
+
+    #[test]
     fn the_frame_cuts_without_changing_heights() {
         // From 10 cells west of the map to 10 cells east of it, 0 to 240 m: height = 10 (x + 10).
         let drawn = cells(&[(-10.0, 2.0, 0.0), (14.0, 2.0, 240.0)], 5, 5);
@@ -285,6 +296,8 @@ mod tests {
         let drawn = cells(&[(-far, 2.0, 5.0), (far, 2.0, 5.0)], 5, 5);
         assert_eq!(drawn.len(), 5);
         assert!(drawn.iter().all(|&(r, _, z)| r == 2 && z == 5.0));
+        let slanted = cells(&[(-far, 0.0, 0.0), (far, 4.0, 10.0)], 5, 5);
+        assert_eq!(slanted, [0, 1, 2, 3, 4].map(|c| (2, c, 5.0)), "half-way along");
         assert_eq!(cells(&[(2.0, 2.0, 5.0), (1e300, 2.0, 6.0)], 5, 5).len(), 3);
     }
 

@@ -226,6 +226,24 @@ mod tests {
         }
     }
 
+    /// Runs over lines of real terrain, equal to those of an independent program (tests/oracle/split_runs.py).
+    #[test]
+    fn runs_equal_the_oracle() {
+        #[derive(serde::Deserialize)]
+        struct Oracle {
+            side: usize,
+            runs: Vec<Vec<usize>>,
+        }
+        let text = include_str!("../../tests/oracle/split_runs.json");
+        let Oracle { side, runs } = serde_json::from_str(text).unwrap();
+        let cell = |&i: &usize| Cell::new(i / side, i % side);
+        let mut lines = LineMap::empty(side, side);
+        runs.iter().flatten().for_each(|i| lines.set(cell(i), StrokeKind::Valley, 1.0));
+        assert!(lines.line_count() > 200);
+        let expected: Vec<Vec<Cell>> = runs.iter().map(|run| run.iter().map(cell).collect()).collect();
+        assert_eq!(runs_of(&lines, StrokeKind::Valley), expected);
+    }
+
     proptest! {
         #[test]
         fn parts_are_disjoint_runs_of_one_kind(

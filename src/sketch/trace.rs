@@ -49,6 +49,15 @@ mod tests {
     }
 
     #[test]
+    fn the_corner_of_a_staircase_is_no_junction() {
+        let mut lines = LineMap::empty(4, 4);
+        for (row, col) in [(0, 0), (0, 1), (1, 1), (1, 2), (2, 3)] {
+            lines.set(Cell::new(row, col), StrokeKind::Ridge, 1.0);
+        }
+        assert_eq!(Sketch::trace(&lines).strokes.len(), 1);
+    }
+
+    #[test]
     fn a_ring_closes() {
         let mut lines = LineMap::empty(5, 5);
         for (row, col) in [(0, 1), (0, 2), (1, 3), (2, 3), (3, 2), (3, 1), (2, 0), (1, 0)] {
