@@ -5,6 +5,7 @@
 //! rows and columns lie exactly on the tile's border (pixel is point). Source: SRTM documentation, NASA / USGS.
 
 use super::ground::{self, Ellipsoid, MapUnit};
+use super::numbers::NumberType;
 use super::samples::{Rule, Samples};
 use super::{CellSizeSource, Description, Format, Nodata, ReadOptions};
 use crate::dem::{Dem, Georeference, RasterSpace};
@@ -49,9 +50,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
         _ => *options,
     };
     let mut samples = Samples::new(rows, cols, Rule::new(path, &options, None, 1.0)?);
-    for (i, pair) in bytes.chunks_exact(2).enumerate() {
-        samples.set(i, f64::from(i16::from_be_bytes([pair[0], pair[1]])));
-    }
+    NumberType::I16.each(bytes, true, |i, value| samples.set(i, value));
     let description = Description {
         format: Format::Hgt,
         sample: "i16",

@@ -23,6 +23,7 @@ mod geotiff;
 mod ground;
 mod hgt;
 mod npy;
+mod numbers;
 mod options;
 mod png;
 mod reading;

@@ -1,10 +1,11 @@
 //! NumPy arrays (`.npy`).
 //!
-//! In: format version 1 to 3, two dimensions, C or Fortran order, either byte order, bool excepted any integer or
-//! float of 8 to 64 bits; numbers are metres, not finite ones are voids. Out: a DEM without a place; the cell size
+//! In: format version 1 to 3, two dimensions, C or Fortran order, either byte order, integers of 8 to 64 bits,
+//! floats of 16 to 64; numbers are metres, not finite ones are voids. Out: a DEM without a place; the cell size
 //! comes from the options, or is 1 m. Written as little-endian float32 in C order with NaN for voids. Cost: one pass.
 //! Source: numpy.lib.format.
 
+use super::numbers::{NumberKind, NumberType};
 use super::samples::{Rule, Samples, check_size};
 use super::{CellSizeSource, Description, Format, ReadOptions};
 use crate::dem::{CellSize, Dem};
@@ -13,56 +14,30 @@ use crate::file::Output;
 use std::io::Write;
 use std::path::Path;
 
-/// A number's type: NumPy's kind letter, size in bytes and byte order.
-struct Kind {
-    letter: u8,
-    size: usize,
-    big_endian: bool,
-    name: &'static str,
+/// Type and byte order (true: big-endian) of NumPy's type code.
+fn number_type(path: &Path, descr: &str) -> Result<(NumberType, bool)> {
+    let refused = || refused_type(path, descr);
+    let (order, code) = descr.split_at_checked(1).ok_or_else(refused)?;
+    let (kind, size) = code.split_at_checked(1).ok_or_else(refused)?;
+    let kind = match kind {
+        "u" => NumberKind::Unsigned,
+        "i" => NumberKind::Signed,
+        "f" => NumberKind::Float,
+        _ => return Err(refused()),
+    };
+    let numbers = size.parse().ok().and_then(|size| NumberType::new(kind, size)).ok_or_else(refused)?;
+    match order {
+        "<" => Ok((numbers, false)),
+        ">" => Ok((numbers, true)),
+        "|" if numbers.size() == 1 => Ok((numbers, false)),
+        "=" => Ok((numbers, cfg!(target_endian = "big"))),
+        _ => Err(refused()),
+    }
 }
 
-impl Kind {
-    fn parse(path: &Path, descr: &str) -> Result<Self> {
-        let (order, code) = descr.split_at_checked(1).unwrap_or(("", ""));
-        let (letter, size, name) = match code {
-            "u1" => (b'u', 1, "u8"),
-            "u2" => (b'u', 2, "u16"),
-            "u4" => (b'u', 4, "u32"),
-            "u8" => (b'u', 8, "u64"),
-            "i1" => (b'i', 1, "i8"),
-            "i2" => (b'i', 2, "i16"),
-            "i4" => (b'i', 4, "i32"),
-            "i8" => (b'i', 8, "i64"),
-            "f4" => (b'f', 4, "f32"),
-            "f8" => (b'f', 8, "f64"),
-            _ => return Err(Self::refused(path, descr)),
-        };
-        let big_endian = match order {
-            "<" => false,
-            ">" => true,
-            "|" if size == 1 => false,
-            "=" => cfg!(target_endian = "big"),
-            _ => return Err(Self::refused(path, descr)),
-        };
-        Ok(Self { letter, size, big_endian, name })
-    }
-
-    fn refused(path: &Path, descr: &str) -> Error {
-        let allowed = "allowed: integers of 8 to 64 bits and floats of 32 or 64 bits";
-        Error::file(path, "dtype", format!("{descr:?}"), allowed)
-    }
-
-    fn number(&self, raw: &[u8]) -> f64 {
-        let join = |value: u64, &byte: &u8| value << 8 | u64::from(byte);
-        let bits = if self.big_endian { raw.iter().fold(0, join) } else { raw.iter().rev().fold(0, join) };
-        let unused = 64 - 8 * self.size as u32;
-        match (self.letter, self.size) {
-            (b'u', _) => bits as f64,
-            (b'i', _) => ((bits << unused) as i64 >> unused) as f64,
-            (_, 4) => f64::from(f32::from_bits(bits as u32)),
-            _ => f64::from_bits(bits),
-        }
-    }
+fn refused_type(path: &Path, descr: &str) -> Error {
+    let allowed = "allowed: integers of 8 to 64 bits and floats of 16 to 64 bits";
+    Error::file(path, "dtype", format!("{descr:?}"), allowed)
 }
 
 /// The header's dictionary, and the data after it.
@@ -106,7 +81,7 @@ impl<'a> Header<'a> {
         let descr = entry("descr").ok_or_else(|| missing("descr"))?;
         let descr = match descr.strip_prefix('\'').and_then(|t| t.split_once('\'')) {
             Some((code, _)) => code.to_owned(),
-            None => return Err(Kind::refused(path, descr.split('}').next().unwrap_or_default())),
+            None => return Err(refused_type(path, descr.split('}').next().unwrap_or_default())),
         };
         let order = entry("fortran_order").ok_or_else(|| missing("fortran_order"))?;
         let fortran = match (order.starts_with("True"), order.starts_with("False")) {
@@ -133,26 +108,27 @@ impl<'a> Header<'a> {
 
 pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
     let header = Header::parse(path, bytes)?;
-    let kind = Kind::parse(path, &header.descr)?;
+    let (numbers, big_endian) = number_type(path, &header.descr)?;
     let [rows, cols] = header.shape[..] else {
         let found = format!("{} dimensions", header.shape.len());
         return Err(Error::file(path, "shape", found, "allowed: two, (rows, columns)"));
     };
     let (rows, cols) = check_size(path, rows, cols)?;
-    let needed = rows * cols * kind.size;
+    let needed = rows * cols * numbers.size();
     if header.data.len() != needed {
         return Err(Error::file(
             path,
             "data",
             format!("{} bytes", header.data.len()),
-            format!("{rows} x {cols} numbers of type {} are {needed} bytes", kind.name),
+            format!("{rows} x {cols} numbers of type {} are {needed} bytes", numbers.name()),
         ));
     }
-    let rule = Rule::new(path, options, None, 1.0)?.single_precision(kind.name == "f32");
+    let rule = Rule::new(path, options, None, 1.0)?.single_precision(numbers.name() == "f32");
     let mut samples = Samples::new(rows, cols, rule);
-    for (i, raw) in header.data.chunks_exact(kind.size).enumerate() {
-        let index = if header.fortran { (i % rows) * cols + i / rows } else { i };
-        samples.set(index, kind.number(raw));
+    if header.fortran {
+        numbers.each(header.data, big_endian, |i, value| samples.set((i % rows) * cols + i / rows, value));
+    } else {
+        numbers.each(header.data, big_endian, |i, value| samples.set(i, value));
     }
     let (cell_size, cell_size_source) = match options.cell_size {
         Some(given) => (given, CellSizeSource::Caller),
@@ -160,7 +136,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
     };
     let description = Description {
         format: Format::Npy,
-        sample: kind.name,
+        sample: numbers.name(),
         packing: String::new(),
         coordinates: "none".to_owned(),
         cell_size_source,

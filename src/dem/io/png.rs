@@ -7,6 +7,7 @@
 //! Written with 16 bits: heights become the nearest of 65535 levels between the lowest and the highest (level 0 is kept
 //! for voids), so a height comes back within range / 131068.
 
+use super::numbers::NumberType;
 use super::samples::{Rule, Samples, check_size};
 use super::{CellSizeSource, Description, Format, Nodata, ReadOptions, WriteOptions};
 use crate::dem::{CellSize, Dem, Georeference, Normalization};
@@ -44,11 +45,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
         let allowed = "allowed: greyscale without alpha, one number a cell";
         return Err(Error::file(path, "colour type", format!("{colour:?}"), allowed));
     }
-    let (size, highest, sample) = match depth {
-        BitDepth::Eight => (1, 255.0, "u8"),
-        BitDepth::Sixteen => (2, 65535.0, "u16"),
+    let (numbers, highest) = match depth {
+        BitDepth::Eight => (NumberType::U8, 255.0),
+        BitDepth::Sixteen => (NumberType::U16, 65535.0),
         _ => return Err(Error::file(path, "bit depth", depth as u8, "allowed: 8 or 16")),
     };
+    let size = numbers.size();
     let needed = (rows * cols * size) as u64;
     if (bytes.len() as u64).saturating_mul(EXPANSION) < needed {
         return Err(Error::file(
@@ -100,9 +102,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
     let unit = ReadOptions { nodata, metres_per_unit: None, ..*options };
     let rule = Rule::new(path, &unit, None, 1.0)?.scaled(per_level, range.low() - lowest * per_level);
     let mut samples = Samples::new(rows, cols, rule);
-    for (i, level) in raw.chunks_exact(size).enumerate() {
-        samples.set(i, level.iter().fold(0.0, |value, &byte| value * 256.0 + f64::from(byte)));
-    }
+    numbers.each(&raw, true, |i, level| samples.set(i, level));
     let (cell_size, cell_size_source) = match (options.cell_size, &record) {
         (Some(given), _) => (given, CellSizeSource::Caller),
         (None, Some(record)) => {
@@ -117,7 +117,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
     }
     let description = Description {
         format: Format::Png,
-        sample,
+        sample: numbers.name(),
         packing: "deflate".to_owned(),
         coordinates: match georeference.and_then(|g| g.epsg) {
             Some(code) => format!("EPSG:{code}"),

@@ -8,9 +8,8 @@ use super::super::samples::{Rule, Samples};
 use super::super::{CellSizeSource, Description, Format, ReadOptions};
 use super::directory::Directory;
 use super::georeference::Location;
-use super::layout::{Layout, SampleKind};
+use super::layout::Layout;
 use super::metadata::Metadata;
-use super::unpack::half;
 use crate::dem::{CellSize, Dem, Georeference};
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -29,7 +28,7 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
     }
     let rule = Rule::new(path, options, metadata.nodata, unit)?
         .scaled(metadata.scale, metadata.offset)
-        .single_precision(layout.sample_name() == "f32");
+        .single_precision(layout.numbers.name() == "f32");
 
     let shape = (layout.rows, layout.cols);
     let placement = location.transform.map(|t| Placement::north_up(t, shape.0, shape.1));
@@ -38,7 +37,8 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
         epsg: location.epsg,
         raster_space: location.raster_space,
     });
-    let (cell_size, source) = match (options.cell_size, metadata.cell_size, georeference) {
+    let recorded = metadata.cell_size.zip(placement).and_then(|(r, p)| r.for_transform(p.transform));
+    let (cell_size, source) = match (options.cell_size, recorded, georeference) {
         (Some(given), _, _) => (given, CellSizeSource::Caller),
         (None, Some(recorded), _) => (recorded, CellSizeSource::File),
         (None, None, Some(g)) => (ground::cell_size(path, &g, location.unit, shape)?, CellSizeSource::File),
@@ -57,7 +57,7 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
     notes.extend(location.notes);
     let description = Description {
         format: Format::GeoTiff,
-        sample: layout.sample_name(),
+        sample: layout.numbers.name(),
         packing: layout.packing_words(),
         coordinates: location.words,
         cell_size_source: source,
@@ -92,43 +92,28 @@ fn fill(path: &Path, bytes: &[u8], layout: &Layout, band: usize, samples: &mut S
             let field = format!("{} {}", layout.chunk_noun(), first + i);
             Error::file(path, field, format!("damaged ({reason})"), "the data must unpack whole")
         })?;
-        let window = Window { layout, chunk: i, offset };
-        match (layout.kind, packing.size) {
-            (SampleKind::Unsigned, 1) => window.place(&raw, samples, |[x]| f64::from(x)),
-            (SampleKind::Unsigned, 2) => window.place(&raw, samples, |x| f64::from(u16::from_le_bytes(x))),
-            (SampleKind::Unsigned, 4) => window.place(&raw, samples, |x| f64::from(u32::from_le_bytes(x))),
-            (SampleKind::Unsigned, _) => window.place(&raw, samples, |x| u64::from_le_bytes(x) as f64),
-            (SampleKind::Signed, 1) => window.place(&raw, samples, |x| f64::from(i8::from_le_bytes(x))),
-            (SampleKind::Signed, 2) => window.place(&raw, samples, |x| f64::from(i16::from_le_bytes(x))),
-            (SampleKind::Signed, 4) => window.place(&raw, samples, |x| f64::from(i32::from_le_bytes(x))),
-            (SampleKind::Signed, _) => window.place(&raw, samples, |x| i64::from_le_bytes(x) as f64),
-            (SampleKind::Float, 2) => window.place(&raw, samples, |x| half(u16::from_le_bytes(x))),
-            (SampleKind::Float, 4) => window.place(&raw, samples, |x| f64::from(f32::from_le_bytes(x))),
-            (SampleKind::Float, _) => window.place(&raw, samples, f64::from_le_bytes),
-        }
+        place(layout, i, offset, &raw, samples);
     }
     Ok(())
 }
 
-/// Where in the raster a chunk belongs, and which of its interleaved numbers is wanted.
-struct Window<'a> {
-    layout: &'a Layout,
-    chunk: usize,
-    offset: usize,
-}
-
-impl Window<'_> {
-    /// Copies one band of a chunk, without what overhangs the raster.
-    fn place<const N: usize>(&self, raw: &[u8], samples: &mut Samples, number: impl Fn([u8; N]) -> f64) {
-        let (row, col) = self.layout.chunk_origin(self.chunk);
-        let (rows, cols) = self.layout.chunk_shape(self.chunk);
-        let (numbers, _) = raw.as_chunks::<N>();
-        let packing = &self.layout.packing;
-        for (i, line) in numbers.chunks_exact(packing.cols * packing.samples).take(rows).enumerate() {
-            let start = (row + i) * self.layout.cols + col;
-            for (j, cell) in line.chunks_exact(packing.samples).take(cols).enumerate() {
-                samples.set(start + j, number(cell[self.offset]));
-            }
+/// Copies one band of a chunk into the raster, without what overhangs it.
+fn place(layout: &Layout, chunk: usize, offset: usize, raw: &[u8], samples: &mut Samples) {
+    let (row, col) = layout.chunk_origin(chunk);
+    let (rows, cols) = layout.chunk_shape(chunk);
+    let interleaved = layout.packing.samples;
+    let cell_bytes = interleaved * layout.numbers.size();
+    for (i, line) in raw.chunks_exact(layout.packing.cols * cell_bytes).take(rows).enumerate() {
+        let start = (row + i) * layout.cols + col;
+        let line = &line[..cols * cell_bytes];
+        if interleaved == 1 {
+            layout.numbers.each(line, false, |j, value| samples.set(start + j, value));
+        } else {
+            layout.numbers.each(line, false, |j, value| {
+                if j % interleaved == offset {
+                    samples.set(start + j / interleaved, value);
+                }
+            });
         }
     }
 }

@@ -105,7 +105,7 @@ pub(in super::super) fn write(
     }
     let derived = ground::cell_size(path, &placed, map_unit(dem), (rows, cols)).ok();
     if derived != Some(dem.cell_size()) {
-        put(tag::GDAL_METADATA, Value::Text(&metadata::record_cell_size(dem.cell_size())))?;
+        put(tag::GDAL_METADATA, Value::Text(&metadata::record_cell_size(dem.cell_size(), placed.transform)))?;
     }
     put(tag::GDAL_NODATA, Value::Text(&nodata))?;
     directory.finish().map_err(failed)

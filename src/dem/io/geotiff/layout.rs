@@ -3,17 +3,10 @@
 use super::directory::Directory;
 use super::tag;
 use super::unpack::Packing;
+use crate::dem::io::numbers::{NumberKind, NumberType};
 use crate::dem::io::samples::check_size;
 use crate::error::{Error, Result};
 use std::path::Path;
-
-/// What the numbers are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SampleKind {
-    Unsigned,
-    Signed,
-    Float,
-}
 
 /// A compression that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +55,7 @@ pub(super) struct Layout {
     pub(super) rows: usize,
     pub(super) cols: usize,
     pub(super) bands: usize,
-    pub(super) kind: SampleKind,
+    pub(super) numbers: NumberType,
     pub(super) packing: Packing,
     /// Each band has strips or tiles of its own.
     pub(super) planar: bool,
@@ -83,12 +76,12 @@ impl Layout {
         if !(1..=1024).contains(&samples) {
             return Err(Error::file(path, "SamplesPerPixel", samples, "allowed: 1 to 1024 bands"));
         }
-        let (kind, bits) = sample_type(path, directory)?;
+        let (kind, numbers) = number_type(path, directory)?;
         let method = compression(path, directory.one(tag::COMPRESSION)?.unwrap_or(1))?;
         let predictor = match (directory.one(tag::PREDICTOR)?.unwrap_or(1), kind) {
             (1, _) => Predictor::None,
             (2, _) => Predictor::Horizontal,
-            (3, SampleKind::Float) => Predictor::FloatingPoint,
+            (3, NumberKind::Float) => Predictor::FloatingPoint,
             (3, _) => return Err(Error::file(path, "Predictor", 3, "allowed: 1 or 2 for integers")),
             (other, _) => return Err(Error::file(path, "Predictor", other, "allowed: 1, 2 or 3")),
         };
@@ -141,7 +134,7 @@ impl Layout {
             method,
             predictor,
             big_endian: directory.is_big_endian(),
-            size: bits as usize / 8,
+            size: numbers.size(),
             samples: if planar { 1 } else { samples as usize },
             cols: chunk_cols as usize,
         };
@@ -149,7 +142,7 @@ impl Layout {
             rows,
             cols,
             bands: samples as usize,
-            kind,
+            numbers,
             packing,
             planar,
             tiled,
@@ -230,23 +223,6 @@ impl Layout {
         ((self.rows - row).min(self.chunk_rows), (self.cols - col).min(self.packing.cols))
     }
 
-    /// The type's short name.
-    pub(super) fn sample_name(&self) -> &'static str {
-        match (self.kind, 8 * self.packing.size) {
-            (SampleKind::Unsigned, 8) => "u8",
-            (SampleKind::Unsigned, 16) => "u16",
-            (SampleKind::Unsigned, 32) => "u32",
-            (SampleKind::Unsigned, _) => "u64",
-            (SampleKind::Signed, 8) => "i8",
-            (SampleKind::Signed, 16) => "i16",
-            (SampleKind::Signed, 32) => "i32",
-            (SampleKind::Signed, _) => "i64",
-            (SampleKind::Float, 16) => "f16",
-            (SampleKind::Float, 32) => "f32",
-            (SampleKind::Float, _) => "f64",
-        }
-    }
-
     /// The packing in words.
     pub(super) fn packing_words(&self) -> String {
         let Packing { method, predictor, cols, .. } = self.packing;
@@ -262,26 +238,23 @@ impl Layout {
     }
 }
 
-fn sample_type(path: &Path, directory: &Directory<'_>) -> Result<(SampleKind, u64)> {
+fn number_type(path: &Path, directory: &Directory<'_>) -> Result<(NumberKind, NumberType)> {
     let kind = match directory.one(tag::SAMPLE_FORMAT)?.unwrap_or(1) {
-        1 => SampleKind::Unsigned,
-        2 => SampleKind::Signed,
-        3 => SampleKind::Float,
+        1 => NumberKind::Unsigned,
+        2 => NumberKind::Signed,
+        3 => NumberKind::Float,
         other => {
             let allowed = "allowed: 1 (unsigned), 2 (signed) or 3 (float)";
             return Err(Error::file(path, "SampleFormat", other, allowed));
         }
     };
     let bits = directory.one(tag::BITS_PER_SAMPLE)?.unwrap_or(1);
-    match (kind, bits) {
-        (SampleKind::Float, 16 | 32 | 64) | (SampleKind::Unsigned | SampleKind::Signed, 8 | 16 | 32 | 64) => {
-            Ok((kind, bits))
-        }
-        (SampleKind::Float, _) => {
-            Err(Error::file(path, "BitsPerSample", bits, "allowed: 16, 32 or 64 for floats"))
-        }
-        _ => Err(Error::file(path, "BitsPerSample", bits, "allowed: 8, 16, 32 or 64")),
-    }
+    let numbers = (bits <= 64 && bits % 8 == 0).then(|| NumberType::new(kind, bits as usize / 8)).flatten();
+    let numbers = numbers.ok_or_else(|| {
+        let allowed = if kind == NumberKind::Float { "16, 32 or 64 for floats" } else { "8, 16, 32 or 64" };
+        Error::file(path, "BitsPerSample", bits, format!("allowed: {allowed}"))
+    })?;
+    Ok((kind, numbers))
 }
 
 fn compression(path: &Path, code: u64) -> Result<Method> {

@@ -1,7 +1,8 @@
 //! What GDAL keeps beside the raster: nodata (tag 42113), band scale, offset and unit (tag 42112, an XML list of items).
 //!
 //! Only items with a role are used, and one item of our own: the cell size on the ground, in metres, written when it
-//! does not follow from the georeference (a cropped tile in degrees keeps the size of the whole).
+//! does not follow from the georeference (a cropped tile in degrees keeps the size of the whole). It names the steps of
+//! the transform that it belongs to, and counts only with these: other programs copy items into resampled files.
 
 use super::directory::Directory;
 use super::tag;
@@ -21,7 +22,27 @@ pub(super) struct Metadata {
     pub(super) offset: f64,
     /// Metres in a vertical unit.
     pub(super) unit: Option<f64>,
-    pub(super) cell_size: Option<CellSize>,
+    pub(super) cell_size: Option<RecordedCellSize>,
+}
+
+/// Our own item: a cell size and the transform's steps (column, row) that it belongs to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RecordedCellSize {
+    size: CellSize,
+    steps: [f64; 2],
+}
+
+impl RecordedCellSize {
+    /// The size, if `transform` still has the steps that it was recorded for.
+    pub(super) fn for_transform(self, transform: [f64; 6]) -> Option<CellSize> {
+        let same = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs();
+        let [x, y] = steps(transform);
+        (same(self.steps[0], x) && same(self.steps[1], y)).then_some(self.size)
+    }
+}
+
+fn steps([a, b, _, d, e, _]: [f64; 6]) -> [f64; 2] {
+    [a.hypot(d), b.hypot(e)]
 }
 
 impl Metadata {
@@ -63,10 +84,10 @@ impl Metadata {
     }
 }
 
-/// The XML that records a cell size.
-pub(super) fn record_cell_size(size: CellSize) -> String {
-    let (x, y) = (size.x(), size.y());
-    format!("<GDALMetadata>\n  <Item name=\"{CELL_SIZE_ITEM}\">{x} {y}</Item>\n</GDALMetadata>\n")
+/// The XML that records a cell size for a transform.
+pub(super) fn record_cell_size(size: CellSize, transform: [f64; 6]) -> String {
+    let ([x, y], [dx, dy]) = ([size.x(), size.y()], steps(transform));
+    format!("<GDALMetadata>\n  <Item name=\"{CELL_SIZE_ITEM}\">{x} {y} {dx} {dy}</Item>\n</GDALMetadata>\n")
 }
 
 fn attribute<'a>(attributes: &'a str, name: &str) -> Option<&'a str> {
@@ -84,11 +105,14 @@ fn finite(path: &Path, field: &str, text: &str) -> Result<f64> {
     })
 }
 
-fn cell_size(path: &Path, text: &str) -> Result<CellSize> {
-    let sides: Vec<f64> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-    match sides[..] {
-        [x, y] => CellSize::new(x, y).map_err(|e| e.in_file(path)),
-        _ => Err(Error::file(path, CELL_SIZE_ITEM, format!("{text:?}"), "allowed: two lengths in metres")),
+fn cell_size(path: &Path, text: &str) -> Result<RecordedCellSize> {
+    let numbers: Vec<f64> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    match numbers[..] {
+        [x, y, dx, dy] => {
+            let size = CellSize::new(x, y).map_err(|e| e.in_file(path))?;
+            Ok(RecordedCellSize { size, steps: [dx, dy] })
+        }
+        _ => Err(Error::file(path, CELL_SIZE_ITEM, format!("{text:?}"), "allowed: four numbers")),
     }
 }
 

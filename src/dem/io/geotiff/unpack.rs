@@ -145,18 +145,6 @@ fn pack_bits(packed: &[u8], length: usize) -> Result<Vec<u8>, String> {
     Ok(raw)
 }
 
-/// A 16-bit float (IEEE 754 binary16).
-pub(super) fn half(bits: u16) -> f64 {
-    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 0x1f), f64::from(bits & 0x3ff));
-    sign * match exponent {
-        0 => fraction * 2f64.powi(-24),
-        31 if fraction == 0.0 => f64::INFINITY,
-        31 => f64::NAN,
-        _ => (1024.0 + fraction) * 2f64.powi(exponent - 25),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -175,14 +163,5 @@ mod tests {
             assert!(pack_bits(&packed[..end], raw.len()).is_err());
         }
         assert_eq!(pack_bits(&packed, 2).unwrap(), [0xAA; 2]);
-    }
-
-    #[test]
-    fn halves() {
-        for (bits, value) in [(0, 0.0), (0x3c00, 1.0), (0xc000, -2.0), (0x7bff, 65504.0), (1, 2f64.powi(-24))]
-        {
-            assert_eq!(half(bits), value);
-        }
-        assert!(half(0x7e00).is_nan() && half(0xfc00) == f64::NEG_INFINITY);
     }
 }
