@@ -6,6 +6,7 @@
 
 pub mod error;
 pub mod file;
+pub mod machine;
 pub mod seed;
 pub mod grid;
 pub mod dem;

@@ -3,3 +3,4 @@
 pub mod task;
 pub mod classical;
 pub mod region_gnn;
+pub mod registry;

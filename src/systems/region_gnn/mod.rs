@@ -18,6 +18,7 @@ mod network_tests;
 mod plain;
 mod pool;
 mod region;
+pub mod style;
 mod train;
 
 pub use config::{Preset, RegionGnnConfig};
@@ -26,4 +27,5 @@ pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, nee
 pub use graph::{Anchor, RegionGraph};
 pub use network::{Network, Output};
 pub use region::{Projection, Region, RegionId};
+pub use style::{Source, Style, StyleConfig, StyleInfo};
 pub use train::{EpochReport, Exemplar, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};

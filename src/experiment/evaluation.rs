@@ -1,0 +1,180 @@
+//! The protocol of Liu & Benes 2025, 7.2: every patch is rebuilt from the lines extracted from it.
+//!
+//! Each patch is put into [0, 1] by its own range, its lines are extracted from it alone, every system rebuilds it from
+//! them, and the result is scored against the truth and, after another extraction, against the lines.
+
+use super::patches::PATCH;
+use crate::dem::{Dem, Normalization};
+use crate::error::{Error, Result};
+use crate::extract::{self, ExtractionConfig};
+use crate::grid::{Cell, Grid, Mask};
+use crate::metrics::Scores;
+use crate::seed::Seed;
+use crate::sketch::LineMap;
+use crate::systems::registry::Named;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::time::Instant;
+
+/// How patches become sketches.
+#[derive(Clone, Debug)]
+pub struct EvaluationConfig {
+    /// How lines are found, also for the second extraction.
+    pub extraction: ExtractionConfig,
+    /// Lowest Strahler order of the lines that the systems are given; the extraction's own when absent.
+    pub sketch_order: Option<u8>,
+    /// Fewest cells that a line given to the systems drains; the extraction's own when absent.
+    pub sketch_accumulation: Option<u32>,
+}
+
+impl EvaluationConfig {
+    fn sketch_extraction(&self) -> ExtractionConfig {
+        let e = &self.extraction;
+        ExtractionConfig {
+            min_order: self.sketch_order.unwrap_or(e.min_order),
+            min_accumulation: self.sketch_accumulation.unwrap_or(e.min_accumulation),
+            ..e.clone()
+        }
+    }
+}
+
+/// The score of one system on one patch.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// First row of the patch in the DEM.
+    pub row: usize,
+    /// First column.
+    pub col: usize,
+    /// The system.
+    pub system: String,
+    /// Seconds to rebuild the patch, alone on one of the workers.
+    pub seconds: f64,
+    /// Metres of the unit interval: the patch's range.
+    pub relief: f64,
+    /// Share of the patch's cells that carry a line.
+    pub line_share: f64,
+    /// The scores; absent when the system failed.
+    pub scores: Option<Scores>,
+    /// Why it failed.
+    pub error: Option<String>,
+}
+
+/// A patch with everything that was made of it.
+#[derive(Clone, Debug)]
+pub struct Rebuilt {
+    /// First cell in the DEM.
+    pub origin: Cell,
+    /// Metres to unit.
+    pub normalization: Normalization,
+    /// True heights, unit.
+    pub truth: Grid<f32>,
+    /// False at voids.
+    pub valid: Mask,
+    /// The lines that the systems were given, unit heights.
+    pub lines: LineMap,
+    /// Each system's terrain, unit heights as it made them; none when it failed.
+    pub outputs: Vec<(String, Option<Grid<f32>>)>,
+}
+
+/// All rows of an evaluation, and the patches when they were to be kept.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// A row per patch and system, patches in order.
+    pub rows: Vec<Row>,
+    /// The patches, empty unless kept.
+    pub patches: Vec<Rebuilt>,
+}
+
+/// Rebuilds the patches at `origins` with every system. `done` is told after each patch.
+///
+/// A patch without relief or lines, and a system that fails, give rows with the error: never a hole.
+///
+/// # Errors
+/// When a patch reaches past the frame or the extraction's settings are out of range.
+pub fn evaluate(
+    dem: &Dem,
+    origins: &[Cell],
+    systems: &[Named],
+    config: &EvaluationConfig,
+    seed: Seed,
+    keep: bool,
+    done: impl Fn() + Sync,
+) -> Result<Evaluation> {
+    config.extraction.validate()?;
+    config.sketch_extraction().validate()?;
+    let results: Vec<(Vec<Row>, Option<Rebuilt>)> = origins
+        .par_iter()
+        .map(|&origin| {
+            let seed = seed.derive(&format!("patch {},{}", origin.row, origin.col));
+            let result = rebuild(dem, origin, systems, config, seed);
+            done();
+            let (rows, patch) = result?;
+            Ok((rows, patch.filter(|_| keep)))
+        })
+        .collect::<Result<_>>()?;
+    let (rows, patches): (Vec<_>, Vec<_>) = results.into_iter().unzip();
+    Ok(Evaluation { rows: rows.concat(), patches: patches.into_iter().flatten().collect() })
+}
+
+fn rebuild(
+    dem: &Dem,
+    origin: Cell,
+    systems: &[Named],
+    config: &EvaluationConfig,
+    seed: Seed,
+) -> Result<(Vec<Row>, Option<Rebuilt>)> {
+    let blank = |system: &str, error: String| Row {
+        row: origin.row,
+        col: origin.col,
+        system: system.to_owned(),
+        seconds: 0.0,
+        relief: 0.0,
+        line_share: 0.0,
+        scores: None,
+        error: Some(error),
+    };
+    let refuse = |error: String| -> Result<(Vec<Row>, Option<Rebuilt>)> {
+        Ok((systems.iter().map(|(name, _)| blank(name, error.clone())).collect(), None))
+    };
+    dem.valid().crop(origin, PATCH, PATCH)?;
+    let patch = match dem.crop(origin, PATCH, PATCH) {
+        Ok(patch) => patch,
+        Err(error) => return refuse(error.to_string()),
+    };
+    let (low, high) = patch.range();
+    if low == high {
+        return refuse(Error::value("relief of the patch", "0 m", "level ground has no range to score in").to_string());
+    }
+    let normalization = Normalization::of(&patch);
+    let (truth, valid) = (normalization.normalize(&patch), patch.valid().clone());
+    let lines = extract::ridges_and_valleys(&truth, &valid, &config.sketch_extraction())?;
+    if lines.line_count() == 0 {
+        return refuse(Error::value("number of line cells", 0, "the patch shows no ridge or valley").to_string());
+    }
+    let line_share = lines.line_count() as f64 / truth.len() as f64;
+    let mut rows = Vec::new();
+    let mut outputs = Vec::new();
+    for (name, system) in systems {
+        let started = Instant::now();
+        let output = system.generate(&lines, seed);
+        let seconds = started.elapsed().as_secs_f64();
+        let scored = output.and_then(|output| {
+            let scores = Scores::of(&output, &truth, &valid, &lines)?;
+            let found = extract::ridges_and_valleys(&output, &valid, &config.sketch_extraction())?;
+            Ok((scores.with_lines(&lines, &found)?, output))
+        });
+        let relief = normalization.high() - normalization.low();
+        let row = Row { seconds, relief, line_share, ..blank(name, String::new()) };
+        match scored {
+            Ok((scores, output)) => {
+                rows.push(Row { scores: Some(scores), error: None, ..row });
+                outputs.push((name.clone(), Some(output)));
+            }
+            Err(error) => {
+                rows.push(Row { error: Some(error.to_string()), ..row });
+                outputs.push((name.clone(), None));
+            }
+        }
+    }
+    Ok((rows, Some(Rebuilt { origin, normalization, truth, valid, lines, outputs })))
+}
