@@ -35,6 +35,14 @@ pub fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Writes `bytes` to `path`, all or nothing; see [`write_atomically`].
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| out.write_all(bytes).map_err(Error::io(path, "write the file")))
+}
+
 /// Writes `path` by filling a temporary file beside it, which takes its place only when `fill` has succeeded.
 ///
 /// On failure the temporary file is removed and an existing `path` is left as it was. A symbolic link is followed; a

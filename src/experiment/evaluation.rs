@@ -143,13 +143,17 @@ fn rebuild(
     };
     let (low, high) = patch.range();
     if low == high {
-        return refuse(Error::value("relief of the patch", "0 m", "level ground has no range to score in").to_string());
+        return refuse(
+            Error::value("relief of the patch", "0 m", "level ground has no range to score in").to_string(),
+        );
     }
     let normalization = Normalization::of(&patch);
     let (truth, valid) = (normalization.normalize(&patch), patch.valid().clone());
     let lines = extract::ridges_and_valleys(&truth, &valid, &config.sketch_extraction())?;
     if lines.line_count() == 0 {
-        return refuse(Error::value("number of line cells", 0, "the patch shows no ridge or valley").to_string());
+        return refuse(
+            Error::value("number of line cells", 0, "the patch shows no ridge or valley").to_string(),
+        );
     }
     let line_share = lines.line_count() as f64 / truth.len() as f64;
     let mut rows = Vec::new();

@@ -4,6 +4,6 @@ mod evaluation;
 mod patches;
 mod table;
 
-pub use evaluation::{Evaluation, EvaluationConfig, Row, Rebuilt, evaluate};
+pub use evaluation::{Evaluation, EvaluationConfig, Rebuilt, Row, evaluate};
 pub use patches::{PATCH, choose_exemplar, patch_cells};
 pub use table::{Line, aggregate, to_csv};

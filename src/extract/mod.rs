@@ -6,6 +6,7 @@ mod config;
 mod context;
 mod lines;
 mod network;
+pub mod random;
 mod relief;
 #[cfg(test)]
 mod tests;

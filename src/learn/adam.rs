@@ -49,7 +49,8 @@ const EPSILON: f32 = 1e-8;
 impl Adam {
     /// Zero moments for these variables.
     pub fn new<'a>(vars: impl Iterator<Item = &'a Var>) -> Self {
-        let zeros = |var: &Var| Moments { mean: vec![0.0; var.elem_count()], square: vec![0.0; var.elem_count()] };
+        let zeros =
+            |var: &Var| Moments { mean: vec![0.0; var.elem_count()], square: vec![0.0; var.elem_count()] };
         Self { step: 0, moments: vars.map(zeros).collect() }
     }
 

@@ -71,8 +71,11 @@ impl CustomOp3 for LayerNorm {
         _out: &Tensor,
         grad: &Tensor,
     ) -> candle_core::Result<(Option<Tensor>, Option<Tensor>, Option<Tensor>)> {
-        let (xs, gains, grads) =
-            (x.flatten_all()?.to_vec1::<f32>()?, gain.to_vec1::<f32>()?, grad.flatten_all()?.to_vec1::<f32>()?);
+        let (xs, gains, grads) = (
+            x.flatten_all()?.to_vec1::<f32>()?,
+            gain.to_vec1::<f32>()?,
+            grad.flatten_all()?.to_vec1::<f32>()?,
+        );
         let width = gains.len();
         let mut dx = vec![0.0f32; xs.len()];
         let partial: Vec<(Vec<f32>, Vec<f32>)> = dx
@@ -81,7 +84,8 @@ impl CustomOp3 for LayerNorm {
             .zip(grads.par_chunks(ROWS * width))
             .map(|((dx, x), grad)| {
                 let (mut d_gain, mut d_offset) = (vec![0.0f32; width], vec![0.0f32; width]);
-                let rows = dx.chunks_exact_mut(width).zip(x.chunks_exact(width)).zip(grad.chunks_exact(width));
+                let rows =
+                    dx.chunks_exact_mut(width).zip(x.chunks_exact(width)).zip(grad.chunks_exact(width));
                 for ((dx, row), grad) in rows {
                     let (mean, scale) = moments(row);
                     let (mut sum, mut dot) = (0.0f32, 0.0f32);
@@ -135,12 +139,15 @@ mod tests {
         let plain = {
             let centred = x.broadcast_sub(&x.mean_keepdim(D::Minus1).unwrap()).unwrap();
             let variance = centred.sqr().unwrap().mean_keepdim(D::Minus1).unwrap();
-            let unit = centred.broadcast_div(&(variance + f64::from(EPSILON)).unwrap().sqrt().unwrap()).unwrap();
+            let unit =
+                centred.broadcast_div(&(variance + f64::from(EPSILON)).unwrap().sqrt().unwrap()).unwrap();
             unit.broadcast_mul(&gain).unwrap().broadcast_add(&offset).unwrap()
         };
         let fused = layer_norm(&x, &gain, &offset).unwrap();
         let flat = |t: &Tensor| t.flatten_all().unwrap().to_vec1::<f32>().unwrap();
-        let close = |a: &[f32], b: &[f32], tolerance: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance * (1.0 + b.abs()));
+        let close = |a: &[f32], b: &[f32], tolerance: f32| {
+            a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance * (1.0 + b.abs()))
+        };
         assert!(close(&flat(&fused), &flat(&plain), 1e-5));
         let backward = |y: &Tensor| (y * &weight).unwrap().sum_all().unwrap().backward().unwrap();
         let (a, b) = (backward(&fused), backward(&plain));

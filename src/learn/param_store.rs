@@ -58,7 +58,12 @@ impl ParamStore {
         self.insert(name, shape, || value)
     }
 
-    fn insert(&mut self, name: &str, shape: impl Into<Shape>, mut draw: impl FnMut() -> f32) -> Result<Tensor> {
+    fn insert(
+        &mut self,
+        name: &str,
+        shape: impl Into<Shape>,
+        mut draw: impl FnMut() -> f32,
+    ) -> Result<Tensor> {
         assert!(self.entries.iter().all(|(n, _)| n != name), "parameter {name} exists");
         let shape = shape.into();
         let values: Vec<f32> = (0..shape.elem_count()).map(|_| draw()).collect();

@@ -1,9 +1,9 @@
 //! An RGB picture and its PNG form.
 
 use super::Rgb;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file;
 use crate::grid::{Cell, Grid};
-use std::io::Write;
 use std::path::Path;
 
 /// A picture of `rows` x `cols` pixels, 8-bit sRGB, row 0 at the top. Never empty.
@@ -137,27 +137,8 @@ impl Picture {
     /// # Errors
     /// When the file cannot be written.
     pub fn write_png(&self, path: &Path) -> Result<()> {
-        write_whole(path, &self.to_png())
+        file::write_bytes(path, &self.to_png())
     }
-}
-
-/// Writes `bytes` beside `path` and renames, so that nobody ever sees half a file.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        // As a plain `File::create` would have it: everybody's umask decides.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder).map_err(Error::io(path, "create the file"))?;
-    file.write_all(bytes).map_err(Error::io(path, "write the file"))?;
-    file.persist(path).map_err(|e| e.error).map_err(Error::io(path, "put the finished file in place"))?;
-    Ok(())
 }
 
 #[cfg(test)]

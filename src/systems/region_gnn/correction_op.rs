@@ -48,7 +48,8 @@ impl LineCorrection {
     /// The correction of plain numbers.
     pub(super) fn correct(&self, heights: &[f32]) -> Vec<f32> {
         let p = &self.0;
-        let missing: Vec<f32> = p.cells.iter().zip(&p.heights).map(|(&i, z)| z - heights[i as usize]).collect();
+        let missing: Vec<f32> =
+            p.cells.iter().zip(&p.heights).map(|(&i, z)| z - heights[i as usize]).collect();
         let mut out = p.weights.product(&missing);
         for (out, y) in out.iter_mut().zip(heights) {
             *out += y;

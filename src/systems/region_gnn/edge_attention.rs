@@ -177,7 +177,9 @@ impl CustomOp3 for EdgeAttention {
                 *sum += value;
             }
             match toward {
-                Toward::Regions => d_bias.iter_mut().zip(&partial.bias).for_each(|(sum, value)| *sum += value),
+                Toward::Regions => {
+                    d_bias.iter_mut().zip(&partial.bias).for_each(|(sum, value)| *sum += value)
+                }
                 Toward::Pixels => {
                     d_bias[first..first + partial.bias.len()].copy_from_slice(&partial.bias);
                     first += partial.bias.len();

@@ -50,7 +50,8 @@ fn load<S: Simd, const N: usize>(values: &[f32], row: usize) -> State<S, N> {
 
 #[inline(always)]
 fn add<S: Simd, const N: usize>(simd: S, values: &mut [f32], row: usize, x: &State<S, N>) {
-    let lanes: &mut [S::f32s] = cast_slice_mut(&mut values[row * N * S::F32_LANES..(row + 1) * N * S::F32_LANES]);
+    let lanes: &mut [S::f32s] =
+        cast_slice_mut(&mut values[row * N * S::F32_LANES..(row + 1) * N * S::F32_LANES]);
     for i in 0..N {
         lanes[i] = simd.add_f32s(lanes[i], x[i]);
     }
@@ -58,7 +59,8 @@ fn add<S: Simd, const N: usize>(simd: S, values: &mut [f32], row: usize, x: &Sta
 
 #[inline(always)]
 fn store<S: Simd, const N: usize>(values: &mut [f32], row: usize, x: &State<S, N>) {
-    let lanes: &mut [S::f32s] = cast_slice_mut(&mut values[row * N * S::F32_LANES..(row + 1) * N * S::F32_LANES]);
+    let lanes: &mut [S::f32s] =
+        cast_slice_mut(&mut values[row * N * S::F32_LANES..(row + 1) * N * S::F32_LANES]);
     lanes.copy_from_slice(x);
 }
 
@@ -69,7 +71,12 @@ fn zero<S: Simd, const N: usize>(simd: S) -> State<S, N> {
 
 /// `sum + x * factor`
 #[inline(always)]
-fn add_scaled<S: Simd, const N: usize>(simd: S, sum: &State<S, N>, x: &State<S, N>, factor: f32) -> State<S, N> {
+fn add_scaled<S: Simd, const N: usize>(
+    simd: S,
+    sum: &State<S, N>,
+    x: &State<S, N>,
+    factor: f32,
+) -> State<S, N> {
     let factor = simd.splat_f32s(factor);
     let mut out = *sum;
     for i in 0..N {
@@ -257,11 +264,19 @@ impl ForwardToRegions<'_> {
                     let shrink = (partial.highest[region] - score).exp();
                     partial.highest[region] = score;
                     partial.total[region] = partial.total[region] * shrink + 1.0;
-                    store::<S, N>(&mut partial.sum, region, &add_scaled(simd, &hidden.states[e], &sum, shrink));
+                    store::<S, N>(
+                        &mut partial.sum,
+                        region,
+                        &add_scaled(simd, &hidden.states[e], &sum, shrink),
+                    );
                 } else {
                     let weight = (score - partial.highest[region]).exp();
                     partial.total[region] += weight;
-                    store::<S, N>(&mut partial.sum, region, &add_scaled(simd, &sum, &hidden.states[e], weight));
+                    store::<S, N>(
+                        &mut partial.sum,
+                        region,
+                        &add_scaled(simd, &sum, &hidden.states[e], weight),
+                    );
                 }
             }
         }
@@ -351,9 +366,8 @@ impl Backward<'_> {
                 let grad = load::<S, N>(self.grad, node);
                 let logit = hidden.logit(e, inputs.bias[node]);
                 let weight = (leaky(logit) - self.log_sums[node]).exp();
-                let d_logit = weight
-                    * (dot(simd, &grad, &h) - self.means[node])
-                    * if logit > 0.0 { 1.0 } else { LEAK };
+                let d_logit =
+                    weight * (dot(simd, &grad, &h) - self.means[node]) * if logit > 0.0 { 1.0 } else { LEAK };
                 bias[slot] += d_logit;
                 d_score = add_scaled(simd, &d_score, &h, d_logit);
                 let through = add_scaled(simd, &zero::<S, N>(simd), &grad, weight);

@@ -65,7 +65,16 @@ impl PassEdges {
         let mut stream = seed.stream("masked parts");
         let masked = (0..regions).map(|_| stream.random_bool(masked)).collect();
         let graph = Arc::clone(graph);
-        Self { graph, random_offsets, random_regions, random_features, region_offsets, region_pixels, noise: values, masked }
+        Self {
+            graph,
+            random_offsets,
+            random_regions,
+            random_features,
+            region_offsets,
+            region_pixels,
+            noise: values,
+            masked,
+        }
     }
 
     /// The graph whose edges these are.

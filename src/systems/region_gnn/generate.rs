@@ -94,7 +94,12 @@ impl RegionGnn {
     ///
     /// # Errors
     /// When there is no line.
-    pub fn reconstruct(&self, lines: &LineMap, correction: Option<CorrectionKind>, seed: Seed) -> Result<Grid<f32>> {
+    pub fn reconstruct(
+        &self,
+        lines: &LineMap,
+        correction: Option<CorrectionKind>,
+        seed: Seed,
+    ) -> Result<Grid<f32>> {
         let frame = LineFrame::new(lines, self.config(), false)?;
         let sketch = Prepared::new(lines, &frame, self.config(), seed.derive_indexed("exemplar parts", 0))?;
         let heights = self.run(&sketch, None, seed)?;
@@ -134,7 +139,12 @@ impl RegionGnn {
     }
 
     /// The embedding of every part of a sketch: its match's, fine-tuned if asked. None for models without embeddings.
-    fn embedding_for(&self, sketch: &Prepared, config: &GenerationConfig, seed: Seed) -> Result<Option<Tensor>> {
+    fn embedding_for(
+        &self,
+        sketch: &Prepared,
+        config: &GenerationConfig,
+        seed: Seed,
+    ) -> Result<Option<Tensor>> {
         let Some(exemplar) = self.network.embedding() else { return Ok(None) };
         let matches = align(&sketch.parts, &self.parts, &config.matching, seed)?;
         let ids: Vec<u32> = matches.iter().map(|m| m.part.0).collect();
@@ -147,11 +157,16 @@ impl RegionGnn {
     }
 
     /// Minimises l_gt on the line cells + l_smooth over the embeddings alone (5.4).
-    fn fine_tune(&self, sketch: &Prepared, start: &Tensor, tuning: &FineTuning, seed: Seed) -> Result<Tensor> {
+    fn fine_tune(
+        &self,
+        sketch: &Prepared,
+        start: &Tensor,
+        tuning: &FineTuning,
+        seed: Seed,
+    ) -> Result<Tensor> {
         let embedding = Var::from_tensor(start)?;
         let mut adam = Adam::new(std::iter::once(&embedding));
-        let schedule =
-            Schedule { peak: tuning.learning_rate, steps: tuning.steps, warm_up: 0.0, floor: 0.1 };
+        let schedule = Schedule { peak: tuning.learning_rate, steps: tuning.steps, warm_up: 0.0, floor: 0.1 };
         let graph = &sketch.graph;
         let (rows, cols) = graph.shape();
         let lines = graph.line_cells().iter().map(|&i| i as usize).zip(graph.line_heights());

@@ -67,7 +67,11 @@ impl RegionGraph {
         config: &RegionGnnConfig,
     ) -> Result<Self> {
         if parts.is_empty() {
-            return Err(Error::value("number of sketch parts", 0, "at least one ridge or valley part is needed"));
+            return Err(Error::value(
+                "number of sketch parts",
+                0,
+                "at least one ridge or valley part is needed",
+            ));
         }
         let (rows, cols) = lines.shape();
         let regions: Vec<Region> = parts.iter().map(Region::new).collect();
@@ -90,7 +94,8 @@ impl RegionGraph {
                 None => 0.0,
             })
             .collect();
-        let line_cells: Vec<u32> = (0..kinds.len()).filter(|&i| kinds[i].is_some()).map(|i| i as u32).collect();
+        let line_cells: Vec<u32> =
+            (0..kinds.len()).filter(|&i| kinds[i].is_some()).map(|i| i as u32).collect();
         let line_heights = line_cells.iter().map(|&i| lines.heights().as_slice()[i as usize]).collect();
         let mut graph = Self {
             rows,

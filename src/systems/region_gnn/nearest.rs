@@ -46,7 +46,8 @@ pub(super) fn nearest_regions(regions: &[Region], rows: usize, cols: usize, k: u
                     }
                 }
                 let complete = count == points.len()
-                    || (found.len() >= k && neighbours.last().is_some_and(|last| last.distance > found[k - 1].0));
+                    || (found.len() >= k
+                        && neighbours.last().is_some_and(|last| last.distance > found[k - 1].0));
                 if complete {
                     break;
                 }

@@ -266,11 +266,26 @@ impl MessageLayer {
         let attend_message = params.normal(&format!("{name}.attend_message"), (h, 1), 0.2)?;
         let attend_state = params.normal(&format!("{name}.attend_state"), (h, 1), 0.2)?;
         let norm = if config.normalize {
-            Some((params.constant(&format!("{name}.gain"), h, 1.0)?, params.constant(&format!("{name}.offset"), h, 0.0)?))
+            Some((
+                params.constant(&format!("{name}.gain"), h, 1.0)?,
+                params.constant(&format!("{name}.offset"), h, 0.0)?,
+            ))
         } else {
             None
         };
-        Ok(Self { node, edge, kind, embedding, pool, bias, out, out_bias, attend_message, attend_state, norm })
+        Ok(Self {
+            node,
+            edge,
+            kind,
+            embedding,
+            pool,
+            bias,
+            out,
+            out_bias,
+            attend_message,
+            attend_state,
+            norm,
+        })
     }
 
     fn normalize(&self, x: &Tensor) -> Result<Tensor> {

@@ -89,7 +89,8 @@ fn parameter_gradients_equal_finite_differences() {
         let heights = network.forward(&edges, None, Seed(4)).unwrap().heights;
         let n = heights.elem_count();
         let weights: Vec<f32> = (0..n).map(|i| (i as f64 * 0.7).sin() as f32).collect();
-        let loss = (heights * Tensor::from_vec(weights, n, &Device::Cpu).unwrap()).unwrap().sum_all().unwrap();
+        let loss =
+            (heights * Tensor::from_vec(weights, n, &Device::Cpu).unwrap()).unwrap().sum_all().unwrap();
         ((), loss.backward().unwrap())
     };
     for (name, var) in network.params().iter() {
@@ -99,8 +100,11 @@ fn parameter_gradients_equal_finite_differences() {
         // Along the gradient the slope is its norm.
         let step = 5e-4;
         let at = |shift: f64| {
-            let moved: Vec<f32> =
-                original.iter().zip(&gradient).map(|(v, g)| v + (shift * f64::from(*g) / norm) as f32).collect();
+            let moved: Vec<f32> = original
+                .iter()
+                .zip(&gradient)
+                .map(|(v, g)| v + (shift * f64::from(*g) / norm) as f32)
+                .collect();
             network.params().assign(name, &moved).unwrap();
             value()
         };

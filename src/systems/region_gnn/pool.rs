@@ -20,7 +20,12 @@ pub(super) enum Toward {
 /// Mean or sum of the states at the other end of every edge; a mean counts masked ends as zero.
 ///
 /// `states`: (pixels, H) toward regions, (regions, H) toward pixels. Returns (regions, H) or (pixels, H).
-pub(super) fn pool(states: &Tensor, edges: &Arc<PassEdges>, toward: Toward, pooling: Pooling) -> Result<Tensor> {
+pub(super) fn pool(
+    states: &Tensor,
+    edges: &Arc<PassEdges>,
+    toward: Toward,
+    pooling: Pooling,
+) -> Result<Tensor> {
     Ok(states.contiguous()?.apply_op1(Pool { edges: Arc::clone(edges), toward, pooling })?)
 }
 

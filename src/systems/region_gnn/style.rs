@@ -20,7 +20,6 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -198,8 +197,7 @@ pub fn learn(
     let dem = &source.dem;
     let normalization = Normalization::of(dem);
     let heights = normalization.normalize(dem);
-    let lines =
-        extract::variants(&heights, dem.valid(), &config.extraction, config.model.extractions, seed)?;
+    let lines = extract::variants(&heights, dem.valid(), &config.extraction, config.model.extractions, seed)?;
     if lines[0].line_count() == 0 {
         let allowed = "the exemplar shows no ridge or valley; choose a window with relief, or lower \
                        extraction.min_accumulation, min_order or min_length";
@@ -263,7 +261,12 @@ impl Style {
         let mut tensors: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
         let params = self.model.network().params();
         for ((name, var), values) in params.iter().zip(params.snapshot()?) {
-            tensors.push((format!("weights.{name}"), Dtype::F32, var.dims().to_vec(), bytes_of(&values, f32::to_le_bytes)));
+            tensors.push((
+                format!("weights.{name}"),
+                Dtype::F32,
+                var.dims().to_vec(),
+                bytes_of(&values, f32::to_le_bytes),
+            ));
         }
         let parts = self.model.parts();
         let lengths: Vec<u32> = parts.iter().map(|p| p.cells.len() as u32).collect();
@@ -272,7 +275,12 @@ impl Style {
             parts.iter().flat_map(|p| &p.cells).flat_map(|c| [c.row as u32, c.col as u32]).collect();
         let heights: Vec<f32> = parts.iter().flat_map(|p| p.heights.iter().copied()).collect();
         let count = heights.len();
-        tensors.push(("parts.lengths".into(), Dtype::U32, vec![parts.len()], bytes_of(&lengths, u32::to_le_bytes)));
+        tensors.push((
+            "parts.lengths".into(),
+            Dtype::U32,
+            vec![parts.len()],
+            bytes_of(&lengths, u32::to_le_bytes),
+        ));
         tensors.push(("parts.valley".into(), Dtype::U8, vec![parts.len()], kinds));
         tensors.push(("parts.cells".into(), Dtype::U32, vec![count, 2], bytes_of(&cells, u32::to_le_bytes)));
         tensors.push(("parts.heights".into(), Dtype::F32, vec![count], bytes_of(&heights, f32::to_le_bytes)));
@@ -284,7 +292,7 @@ impl Style {
         // One key only: the order of several would not be the same in every run.
         let metadata = HashMap::from([(KEY.to_owned(), info)]);
         let bytes = safetensors::serialize(views, Some(metadata)).expect("names are unique");
-        file::write_atomically(path, |out| out.write_all(&bytes).map_err(Error::io(path, "write the style")))
+        file::write_bytes(path, &bytes)
     }
 
     /// Reads a style.
@@ -296,11 +304,14 @@ impl Style {
         let (info, tensors) = open(path, &bytes)?;
         let parts = read_parts(path, &tensors)?;
         info.config.validate().map_err(|e| e.in_file(path))?;
-        let network = Network::new(&info.config.model, parts.len(), info.seed).map_err(|e| e.in_file(path))?;
+        let network =
+            Network::new(&info.config.model, parts.len(), info.seed).map_err(|e| e.in_file(path))?;
         let known: Vec<String> = network.params().iter().map(|(name, _)| format!("weights.{name}")).collect();
         let mut names: Vec<&str> = tensors.names();
         names.sort_unstable();
-        if let Some(extra) = names.iter().find(|n| n.starts_with("weights.") && !known.iter().any(|k| k == *n)) {
+        if let Some(extra) =
+            names.iter().find(|n| n.starts_with("weights.") && !known.iter().any(|k| k == *n))
+        {
             return Err(Error::file(path, "tensor", extra, "the style's configuration has no such weight"));
         }
         for name in &known {
@@ -343,7 +354,12 @@ fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<(StyleInfo, SafeTensors<'a>)
     let version = value.get("version").and_then(serde_json::Value::as_u64);
     if version != Some(u64::from(VERSION)) {
         let found = version.map_or_else(|| "missing".to_owned(), |v| v.to_string());
-        return Err(Error::file(path, "format version", found, format!("this program reads version {VERSION}")));
+        return Err(Error::file(
+            path,
+            "format version",
+            found,
+            format!("this program reads version {VERSION}"),
+        ));
     }
     Ok((serde_json::from_value(value).map_err(|e| field(KEY, e))?, tensors))
 }
@@ -355,11 +371,27 @@ fn read_parts(path: &Path, tensors: &SafeTensors<'_>) -> Result<Vec<SketchPart>>
     let heights = floats(path, tensors, "parts.heights")?;
     let total: u64 = lengths.iter().map(|&n| u64::from(n)).sum();
     if kinds.len() != lengths.len() || total != heights.len() as u64 || 2 * heights.len() != cells.len() {
-        let found = format!("{} lengths, {} kinds, {} cells, {} heights", lengths.len(), kinds.len(), cells.len() / 2, heights.len());
-        return Err(Error::file(path, "exemplar parts", found, "one kind a part, one cell and height each of its cells"));
+        let found = format!(
+            "{} lengths, {} kinds, {} cells, {} heights",
+            lengths.len(),
+            kinds.len(),
+            cells.len() / 2,
+            heights.len()
+        );
+        return Err(Error::file(
+            path,
+            "exemplar parts",
+            found,
+            "one kind a part, one cell and height each of its cells",
+        ));
     }
     if lengths.contains(&0) || heights.iter().any(|z| !z.is_finite()) {
-        return Err(Error::file(path, "exemplar parts", "an empty part or a height that is not finite", "allowed: neither"));
+        return Err(Error::file(
+            path,
+            "exemplar parts",
+            "an empty part or a height that is not finite",
+            "allowed: neither",
+        ));
     }
     let mut next = 0;
     let part = |(&length, &valley): (&u32, &u8)| {
@@ -367,7 +399,10 @@ fn read_parts(path: &Path, tensors: &SafeTensors<'_>) -> Result<Vec<SketchPart>>
         next = range.end;
         SketchPart {
             kind: if valley == 0 { StrokeKind::Ridge } else { StrokeKind::Valley },
-            cells: range.clone().map(|i| Cell::new(cells[2 * i] as usize, cells[2 * i + 1] as usize)).collect(),
+            cells: range
+                .clone()
+                .map(|i| Cell::new(cells[2 * i] as usize, cells[2 * i + 1] as usize))
+                .collect(),
             heights: heights[range].to_vec(),
         }
     };
@@ -377,7 +412,12 @@ fn read_parts(path: &Path, tensors: &SafeTensors<'_>) -> Result<Vec<SketchPart>>
 fn tensor<'a>(path: &Path, tensors: &SafeTensors<'a>, name: &str, dtype: Dtype) -> Result<&'a [u8]> {
     match tensors.tensor(name) {
         Ok(view) if view.dtype() == dtype => Ok(view.data()),
-        Ok(view) => Err(Error::file(path, format!("type of tensor {name}"), format!("{:?}", view.dtype()), format!("allowed: {dtype:?}"))),
+        Ok(view) => Err(Error::file(
+            path,
+            format!("type of tensor {name}"),
+            format!("{:?}", view.dtype()),
+            format!("allowed: {dtype:?}"),
+        )),
         Err(_) => Err(Error::file(path, format!("tensor {name}"), "missing", "a style has it")),
     }
 }

@@ -122,7 +122,12 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    pub(super) fn new(lines: &LineMap, frame: &LineFrame, config: &RegionGnnConfig, seed: Seed) -> Result<Self> {
+    pub(super) fn new(
+        lines: &LineMap,
+        frame: &LineFrame,
+        config: &RegionGnnConfig,
+        seed: Seed,
+    ) -> Result<Self> {
         let parts = split_parts(lines, config.parts, seed);
         let graph = Arc::new(RegionGraph::new(lines, &parts, frame.base.as_deref(), config)?);
         Ok(Self { graph, parts })

@@ -1,7 +1,7 @@
 //! A finished vector drawing.
 
-use super::super::picture::write_whole;
 use crate::error::Result;
+use crate::file;
 use std::path::Path;
 
 /// A drawing of `width` x `height` pixels at its natural size, with a description for those who cannot see it.
@@ -48,7 +48,7 @@ impl Svg {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
-        write_whole(path, self.standalone().as_bytes())
+        file::write_bytes(path, self.standalone().as_bytes())
     }
 
     fn element(&self, attributes: &str) -> String {

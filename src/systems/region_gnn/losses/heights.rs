@@ -64,7 +64,9 @@ pub fn smooth(
     let mut sum = 0.0;
     for _ in 0..pairs {
         let (row, col) = (stream.random_range(0..rows), stream.random_range(0..cols));
-        let mut moved = |at: usize, side: usize| at.saturating_add_signed(stream.random_range(-2i32..=2) as isize).min(side - 1);
+        let mut moved = |at: usize, side: usize| {
+            at.saturating_add_signed(stream.random_range(-2i32..=2) as isize).min(side - 1)
+        };
         let (a, b) = (row * cols + col, moved(row, rows) * cols + moved(col, cols));
         let difference = y[a] - y[b];
         sum += difference.abs();

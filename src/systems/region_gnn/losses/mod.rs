@@ -65,7 +65,8 @@ pub(crate) fn bumpy(rows: usize, cols: usize, phase: f64) -> Vec<f64> {
     (0..rows * cols)
         .map(|i| {
             let (r, c) = ((i / cols) as f64, (i % cols) as f64);
-            0.5 + 0.3 * (0.37 * r + phase).sin() * (0.23 * c - phase).cos() + 0.05 * (1.9 * r + 2.3 * c + phase).sin()
+            0.5 + 0.3 * (0.37 * r + phase).sin() * (0.23 * c - phase).cos()
+                + 0.05 * (1.9 * r + 2.3 * c + phase).sin()
         })
         .collect()
 }

@@ -81,8 +81,12 @@ mod tests {
     #[test]
     fn gradient_equals_finite_differences() {
         let (y, graph) = (bumpy(12, 14, 0.4), graph());
-        let error =
-            gradient_error(&y, 1e-5, |y, g| sketch_order(y, &graph, Seed(4), 1.0, g), (0..y.len()).step_by(3));
+        let error = gradient_error(
+            &y,
+            1e-5,
+            |y, g| sketch_order(y, &graph, Seed(4), 1.0, g),
+            (0..y.len()).step_by(3),
+        );
         assert!(error < 1e-6, "{error}");
     }
 

@@ -28,7 +28,14 @@ impl SsimLoss {
         let (rows, cols) = (target.rows, target.cols);
         if rows < TAPS || cols < TAPS {
             let empty = Vec::new;
-            return Self { rows, cols, heights: empty(), mean: empty(), variance: empty(), counts: Vec::new() };
+            return Self {
+                rows,
+                cols,
+                heights: empty(),
+                mean: empty(),
+                variance: empty(),
+                counts: Vec::new(),
+            };
         }
         let mean = blur(&target.heights, rows, cols);
         let square: Vec<f64> = target.heights.iter().map(|z| z * z).collect();
@@ -47,7 +54,8 @@ impl SsimLoss {
         let (rows, cols) = (self.rows, self.cols);
         let square: Vec<f64> = y.iter().map(|y| y * y).collect();
         let product: Vec<f64> = y.iter().zip(&self.heights).map(|(y, z)| y * z).collect();
-        let (mean, square, product) = (blur(y, rows, cols), blur(&square, rows, cols), blur(&product, rows, cols));
+        let (mean, square, product) =
+            (blur(y, rows, cols), blur(&square, rows, cols), blur(&product, rows, cols));
         let scale = -weight / n as f64;
         let mut sum = 0.0;
         let mut d_mean = vec![0.0; mean.len()];
@@ -63,7 +71,8 @@ impl SsimLoss {
             sum += ssim;
             let by_product = 2.0 * a1 / (b1 * b2);
             let by_square = -ssim / b2;
-            let by_mean = 2.0 * my * a2 / (b1 * b2) - 2.0 * mx * ssim / b1 - 2.0 * mx * by_square - my * by_product;
+            let by_mean =
+                2.0 * my * a2 / (b1 * b2) - 2.0 * mx * ssim / b1 - 2.0 * mx * by_square - my * by_product;
             d_mean[i] = scale * by_mean;
             d_square[i] = scale * by_square;
             d_product[i] = scale * by_product;
@@ -77,7 +86,8 @@ impl SsimLoss {
 }
 
 fn window() -> [f64; TAPS] {
-    let mut w: [f64; TAPS] = std::array::from_fn(|i| (-(i as f64 - 5.0).powi(2) / (2.0 * SIGMA * SIGMA)).exp());
+    let mut w: [f64; TAPS] =
+        std::array::from_fn(|i| (-(i as f64 - 5.0).powi(2) / (2.0 * SIGMA * SIGMA)).exp());
     let sum: f64 = w.iter().sum();
     w.iter_mut().for_each(|w| *w /= sum);
     w

@@ -1,0 +1,6 @@
+//! `monadnock demo`: the whole path on the embedded terrain, ending in a report.
+
+mod report;
+mod run;
+
+pub(super) use run::{DemoArgs, run};

@@ -1,0 +1,302 @@
+//! The report of the demo: pictures to files and into one page.
+
+use super::run::{Shown, Trained};
+use crate::dem::{Dem, Normalization};
+use crate::error::Result;
+use crate::experiment::{Rebuilt, aggregate};
+use crate::grid::Grid;
+use crate::viz::plot::{Better, Curves, Panel, ScorePlot, Svg};
+use crate::viz::report::{Best, Column, Entry, Figure, Report, Table};
+use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Sheet, error_limit, error_map};
+use std::path::Path;
+
+/// Pixels of a cell in single pictures.
+const SCALE: usize = 4;
+/// Pixels of a cell in sheets.
+const SHEET_SCALE: usize = 3;
+
+/// All pictures, drawn.
+pub(super) struct Page {
+    styles: Vec<StylePictures>,
+    drawing: Picture,
+    comparison: Picture,
+    errors: Picture,
+    ssim: Svg,
+    psnr: Svg,
+}
+
+struct StylePictures {
+    exemplar: Picture,
+    lines: Picture,
+    rebuilt: Picture,
+    drawn: Picture,
+    random: Picture,
+    enhanced: Picture,
+    curves: Svg,
+}
+
+impl Page {
+    /// Draws everything and writes each picture into the folder.
+    pub(super) fn draw(shown: &Shown, out: &Path) -> Result<Self> {
+        let mut styles = Vec::new();
+        for s in &shown.styles {
+            let pictures = StylePictures::draw(s)?;
+            for (name, picture) in [
+                ("exemplar", &pictures.exemplar),
+                ("lines", &pictures.lines),
+                ("rebuilt", &pictures.rebuilt),
+                ("drawn", &pictures.drawn),
+                ("random-lines", &pictures.random),
+                ("drawn-with-random-lines", &pictures.enhanced),
+            ] {
+                picture.write_png(&out.join(format!("{}-{name}.png", s.name)))?;
+            }
+            pictures.curves.write(&out.join(format!("{}-training.svg", s.name)))?;
+            styles.push(pictures);
+        }
+        let drawing = LineArt::try_from(&shown.drawing)?.on_paper(SCALE)?;
+        let patch = &shown.evaluation.patches[0];
+        let comparison = comparison(patch, shown)?;
+        let errors = errors(patch, shown)?;
+        let (ssim, psnr) = (scores(shown, "SSIM", 3, |s| s.ssim)?, scores(shown, "PSNR, dB", 2, |s| s.psnr)?);
+        drawing.write_png(&out.join("drawing.png"))?;
+        comparison.write_png(&out.join("comparison.png"))?;
+        errors.write_png(&out.join("errors.png"))?;
+        ssim.write(&out.join("ssim.svg"))?;
+        psnr.write(&out.join("psnr.svg"))?;
+        Ok(Self { styles, drawing, comparison, errors, ssim, psnr })
+    }
+
+    /// The page as HTML.
+    pub(super) fn html(&self, shown: &Shown) -> String {
+        let mut report = Report::new("Terrain from one example and a drawing")
+            .summary(if shown.quick {
+                "monadnock demo --quick: styles trained briefly, so scores are below those of the full demo"
+            } else {
+                "monadnock demo: everything below was made by this run from the two embedded pieces of terrain"
+            })
+            .summary(format!("version {}", env!("CARGO_PKG_VERSION")));
+        report = report.section("A drawing in two styles").paragraph(
+            "The drawing of Liu & Benes (2025): a ridge like a lambda inside a ring of valleys. The same strokes become \
+             terrain in the style of each exemplar; below, random ridges and valleys fill what the drawing leaves open.",
+        );
+        let mut figures = vec![Figure::new(
+            &self.drawing,
+            "The drawing: ridges orange, valleys blue, high strokes lighter",
+        )];
+        for (s, pictures) in shown.styles.iter().zip(&self.styles) {
+            figures.push(Figure::new(&pictures.drawn, format!("The drawing in the style of {}", s.title)));
+        }
+        report = report.figures(figures);
+        let mut figures = Vec::new();
+        for (s, pictures) in shown.styles.iter().zip(&self.styles) {
+            figures.push(Figure::new(&pictures.random, format!("With random lines, for {}", s.title)));
+            figures
+                .push(Figure::new(&pictures.enhanced, format!("Their terrain in the style of {}", s.title)));
+        }
+        report = report.figures(figures);
+        for (s, pictures) in shown.styles.iter().zip(&self.styles) {
+            report = style_section(report, s, pictures);
+        }
+        report = self.comparison_section(report, shown);
+        report
+            .section("How this was made")
+            .paragraph("The same steps one by one; a sketch or DEM of your own goes in the same places.")
+            .commands(&shown.commands)
+            .time_spent(shown.times.iter().map(|(name, time)| (name.as_str(), *time)))
+            .credits(shown.styles.iter().map(|s| s.credit.as_str()))
+            .finish()
+    }
+
+    fn comparison_section(&self, report: Report, shown: &Shown) -> Report {
+        let first = &shown.styles[0];
+        let patches = &shown.evaluation.patches;
+        let lines = aggregate(&shown.evaluation.rows);
+        let mut table = Table::new([
+            Column::text("System"),
+            Column::number("SSIM", 4).best(Best::Highest),
+            Column::number("PSNR", 2).unit("dB").best(Best::Highest),
+            Column::number("Mean slope", 3).unit("of the true one").best(Best::NearestToOne),
+            Column::number("Spectrum", 2).unit("dB apart").best(Best::Lowest),
+            Column::number("Ridges found again", 3).unit("F1").best(Best::Highest),
+            Column::number("Valleys found again", 3).unit("F1").best(Best::Highest),
+        ])
+        .caption(format!("Mean ± standard deviation over {} patches", patches.len()));
+        for line in &lines {
+            let get = |name: &str| Entry::from(line.summary.get(name).map(|s| (s.mean, s.sd)));
+            table = table.row([
+                Entry::from(line.system.as_str()),
+                get("ssim"),
+                get("psnr"),
+                get("mean_slope_ratio"),
+                get("spectrum_distance"),
+                get("ridge_f1"),
+                get("valley_f1"),
+            ]);
+        }
+        report
+            .section("Neighbouring terrain from its own lines")
+            .paragraph(format!(
+                "Each 128x128 patch of {} beside the exemplar is put into 0 to 1 by its own range; its ridges and valleys are \
+                 extracted from it alone; every system rebuilds it from those lines and their heights. The style was learned \
+                 from one other patch; the interpolators know nothing but the lines.",
+                first.title
+            ))
+            .table(&table)
+            .figure(&self.comparison, "One neighbouring patch: the truth, its lines, and every system's terrain")
+            .figure(&self.errors, "Height error of the same terrain")
+            .figures([
+                Figure::new(self.ssim.clone(), "Structural similarity on every patch"),
+                Figure::new(self.psnr.clone(), "Peak signal-to-noise ratio on every patch"),
+            ])
+    }
+}
+
+impl StylePictures {
+    fn draw(s: &Trained) -> Result<Self> {
+        // One light and one range for the exemplar and all that is made in its style.
+        let relief = Relief::with_palette(palette(s.name)).scaled(SCALE).fixed_for(&s.source.dem);
+        let exemplar = relief.draw(&s.source.dem)?;
+        let mut lines = exemplar.clone();
+        LineArt::from(&s.lines).overlay(&mut lines, &LineStyle::default())?;
+        Ok(Self {
+            exemplar,
+            lines,
+            rebuilt: relief.draw(&s.rebuilt)?,
+            drawn: relief.draw(&s.drawn)?,
+            random: LineArt::try_from(&s.enhanced.0)?.on_paper(SCALE)?,
+            enhanced: relief.draw(&s.enhanced.1)?,
+            curves: curves(s)?,
+        })
+    }
+}
+
+fn palette(name: &str) -> Palette {
+    if name == "grand-canyon" { Palette::Arid } else { Palette::Alpine }
+}
+
+fn curves(s: &Trained) -> Result<Svg> {
+    let history = &s.style.info.training.history;
+    let points = |f: &dyn Fn(&crate::systems::region_gnn::LossValues) -> f64| -> Vec<(f64, f64)> {
+        history.iter().map(|r| (r.epoch as f64, f(&r.losses))).collect()
+    };
+    Curves::new(format!("Training on {}, {} epochs", s.name, s.style.info.training.epochs), "epoch")
+        .panel(
+            Panel::new("loss")
+                .log()
+                .curve("l_gt", points(&|l| l.ground_truth))
+                .curve("1 - SSIM", points(&|l| l.ssim))
+                .curve("l_gradient", points(&|l| l.gradient))
+                .curve("l_sketch", points(&|l| l.sketch))
+                .curve("l_smooth", points(&|l| l.smooth)),
+        )
+        .panel(Panel::new("SSIM").curve("exemplar, with noise and masks", points(&|l| 1.0 - l.ssim)))
+        .panel(
+            Panel::new("PSNR, dB")
+                .curve("exemplar, with noise and masks", points(&|l| -10.0 * l.ground_truth.log10())),
+        )
+        .draw()
+}
+
+fn style_section(report: Report, s: &Trained, pictures: &StylePictures) -> Report {
+    let (t, e) = (&s.style.info.training, &s.source.info);
+    let range = s.style.info.normalization;
+    report
+        .section(format!("The style of {}", s.title))
+        .paragraph(format!(
+            "{}x{} cells of {:.1} m at row {}, column {}; {:.0} to {:.0} m. {} epochs in {:.1} s ({:.3} s each). Rebuilt from its own \
+             lines: SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}.",
+            e.rows,
+            e.cols,
+            s.source.dem.cell_size().mean(),
+            e.row,
+            e.col,
+            range.low(),
+            range.high(),
+            t.epochs,
+            t.seconds,
+            t.seconds_per_epoch,
+            t.ssim,
+            t.psnr,
+            t.l_gt
+        ))
+        .figures([
+            Figure::new(&pictures.exemplar, "The exemplar"),
+            Figure::new(&pictures.lines, "Its ridges and valleys"),
+            Figure::new(&pictures.rebuilt, "Rebuilt from them"),
+        ])
+        .figure(pictures.curves.clone(), "The losses while training")
+}
+
+/// Unit heights of a rebuilt patch in metres.
+fn metres(patch: &Rebuilt, unit: &Grid<f32>, shown: &Shown) -> Result<Dem> {
+    let range: Normalization = patch.normalization;
+    Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), shown.compared.cell_size())
+}
+
+fn comparison(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
+    let truth = metres(patch, &patch.truth, shown)?;
+    let relief = Relief::with_palette(palette(shown.styles[0].name)).scaled(SHEET_SCALE).fixed_for(&truth);
+    let drawn = relief.draw(&truth)?;
+    let mut lined = drawn.clone();
+    LineArt::from(&patch.lines).overlay(&mut lined, &LineStyle::default())?;
+    let mut sheet = Sheet::new(3)
+        .title(format!("{}, row {}, column {}", shown.styles[0].name, patch.origin.row, patch.origin.col))
+        .panel(drawn, "truth")
+        .panel(lined, "its lines");
+    for (name, output) in patch.outputs.iter().filter_map(|(n, o)| Some((n, o.as_ref()?))) {
+        sheet = sheet.panel(relief.draw(&metres(patch, output, shown)?)?, caption(shown, patch, name));
+    }
+    let bar =
+        ColorBar::new(relief.palette, patch.normalization.low(), patch.normalization.high(), "Height, m")?;
+    sheet.color_bar(bar).scale_bar(shown.compared.cell_size().x() / SHEET_SCALE as f64).draw()
+}
+
+fn errors(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
+    let truth = metres(patch, &patch.truth, shown)?;
+    let outputs: Vec<(&String, Dem)> = patch
+        .outputs
+        .iter()
+        .filter_map(|(name, output)| Some((name, output.as_ref()?)))
+        .map(|(name, output)| Ok((name, metres(patch, output, shown)?)))
+        .collect::<Result<_>>()?;
+    // One scale for all, so that colours can be compared.
+    let mut limit = 0.0f64;
+    for (name, output) in &outputs {
+        if name.as_str() != "nearest" {
+            limit = limit.max(error_limit(output.heights(), truth.heights(), &patch.valid)?);
+        }
+    }
+    let mut sheet = Sheet::new(3).title("Height error, output - truth");
+    for (name, output) in &outputs {
+        let map = error_map(output.heights(), truth.heights(), &patch.valid, limit, SHEET_SCALE)?;
+        sheet = sheet.panel(map, caption(shown, patch, name));
+    }
+    sheet.color_bar(ColorBar::difference(limit, "m")?).draw()
+}
+
+fn caption(shown: &Shown, patch: &Rebuilt, system: &str) -> String {
+    let rows = shown.evaluation.rows.iter();
+    let row =
+        rows.filter(|r| r.row == patch.origin.row && r.col == patch.origin.col).find(|r| r.system == system);
+    match row.and_then(|r| r.scores.as_ref()) {
+        Some(s) => format!("{system}: SSIM {:.3}, {:.1} dB", s.ssim, s.psnr),
+        None => system.to_owned(),
+    }
+}
+
+fn scores(
+    shown: &Shown,
+    quantity: &str,
+    decimals: usize,
+    value: impl Fn(&crate::metrics::Scores) -> f64,
+) -> Result<Svg> {
+    let rows = &shown.evaluation.rows;
+    let title = format!("{}: {} patches", shown.styles[0].name, shown.evaluation.patches.len());
+    let mut plot = ScorePlot::new(title, quantity, Better::Higher).decimals(decimals).highlight("gnn");
+    for line in aggregate(rows) {
+        let of_system = rows.iter().filter(|r| r.system == line.system).filter_map(|r| r.scores.as_ref());
+        plot = plot.system(line.system.clone(), of_system.map(&value).collect::<Vec<_>>());
+    }
+    plot.draw()
+}

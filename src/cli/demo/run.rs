@@ -1,0 +1,212 @@
+//! The steps of the demo; every file that they write is kept.
+
+use super::report;
+use crate::cli::console::Context;
+use crate::cli::generate::in_metres;
+use crate::cli::train::train_with_progress;
+use crate::dem::io::{self, WriteOptions};
+use crate::dem::{Dem, bundled};
+use crate::error::{Error, Result};
+use crate::experiment::{
+    Evaluation, EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv,
+};
+use crate::extract;
+use crate::extract::random::{RandomSketchConfig, enhance};
+use crate::file;
+use crate::grid::{Cell, Grid};
+use crate::sketch::geojson::{self, HeightUnit};
+use crate::sketch::{LineMap, Sketch, samples};
+use crate::systems::region_gnn::Style;
+use crate::systems::region_gnn::style::{Source, StyleConfig};
+use crate::systems::registry;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The embedded exemplars, the first one also for the comparison on its neighbours.
+const EXEMPLARS: [&str; 2] = ["sierra", "grand-canyon"];
+/// The hand-drawn sketch: a ridge like a lambda inside a ring of valleys (Liu & Benes 2025, Fig. 10).
+const DRAWING: &str = "lambda-ring";
+/// Nodes of random lines in the enhanced version of the drawing (paper, 5.2).
+const RANDOM_NODES: usize = 40;
+
+/// Arguments of `demo`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  monadnock demo
+  monadnock demo --quick --out /tmp/look
+
+Trains a style on each embedded exemplar, rebuilds neighbouring terrain with every system, turns a drawing into terrain in
+both styles, and writes report.html with all pictures, GeoTIFFs, sketches and styles beside it.")]
+pub(in crate::cli) struct DemoArgs {
+    /// Train briefly and compare on three patches only
+    #[arg(long)]
+    quick: bool,
+    /// The folder to write
+    #[arg(long, default_value = "monadnock-demo", value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// One style of the demo with what was made of it.
+pub(super) struct Trained {
+    pub(super) name: &'static str,
+    pub(super) title: String,
+    pub(super) credit: String,
+    pub(super) source: Source,
+    /// Lines of the exemplar, metres.
+    pub(super) lines: LineMap,
+    pub(super) style: Style,
+    /// The exemplar rebuilt from its own lines, metres.
+    pub(super) rebuilt: Dem,
+    /// The drawing as terrain.
+    pub(super) drawn: Dem,
+    /// The drawing with random lines (metres), and its terrain.
+    pub(super) enhanced: (Sketch, Dem),
+}
+
+/// Everything that the report shows.
+pub(super) struct Shown {
+    pub(super) quick: bool,
+    pub(super) styles: Vec<Trained>,
+    /// The drawing in metres of the first style.
+    pub(super) drawing: Sketch,
+    pub(super) evaluation: Evaluation,
+    /// Cell size of the compared patches, and their DEM's name.
+    pub(super) compared: Dem,
+    pub(super) times: Vec<(String, Duration)>,
+    pub(super) commands: Vec<String>,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// When the folder cannot be written.
+pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
+    let out = &args.out;
+    fs::create_dir_all(out).map_err(Error::io(out, "create the folder"))?;
+    let mut config = StyleConfig::default();
+    if args.quick {
+        config.model.epochs = 60;
+        config.model.extractions = 4;
+    }
+    let mut times = Vec::new();
+    let mut timed = |label: String, started: Instant| times.push((label, started.elapsed()));
+
+    let mut styles = Vec::new();
+    for name in EXEMPLARS {
+        let started = Instant::now();
+        let dem = bundled::load(name)?;
+        let origin = choose_exemplar(&dem)?;
+        let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
+        let style = train_with_progress(&source, &config, context, &format!("training on {name}"))?;
+        timed(format!("training on {name}"), started);
+        let started = Instant::now();
+        styles.push(draw_with(name, source, style, context)?);
+        timed(format!("drawing in the style of {name}"), started);
+    }
+
+    let started = Instant::now();
+    let compared = bundled::load(EXEMPLARS[0])?;
+    let first = &styles[0];
+    let exemplar = Cell::new(first.source.info.row, first.source.info.col);
+    let mut origins: Vec<Cell> = patch_cells(&compared).into_iter().filter(|c| *c != exemplar).collect();
+    if args.quick {
+        // Neighbours of the exemplar first.
+        origins.sort_by_key(|c| c.distance_squared(exemplar));
+        origins.truncate(3);
+    }
+    let systems = registry::all(&first.style);
+    let protocol = EvaluationConfig {
+        extraction: config.extraction.clone(),
+        sketch_order: None,
+        sketch_accumulation: None,
+    };
+    let progress = context.console.progress(origins.len() as u64, "comparing systems");
+    let evaluation =
+        evaluate(&compared, &origins, &systems, &protocol, context.seed, true, || progress.advance(1))?;
+    progress.finish();
+    timed(format!("rebuilding {} patches with {} systems", origins.len(), systems.len()), started);
+
+    let reading = samples::load(DRAWING)?;
+    let drawing = in_metres(&reading, styles[0].style.info.normalization);
+    let commands = commands(&styles, args.quick);
+    let mut shown = Shown { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
+    let started = Instant::now();
+    write_data(&shown, out)?;
+    let page = report::Page::draw(&shown, out)?;
+    shown.times.push(("pictures".to_owned(), started.elapsed()));
+    file::write_bytes(&out.join("report.html"), page.html(&shown).as_bytes())?;
+    context.console.line(format!("{}", out.join("report.html").display()));
+    Ok(())
+}
+
+fn draw_with(name: &'static str, source: Source, style: Style, context: &Context) -> Result<Trained> {
+    let tile = bundled::manifest().iter().find(|tile| tile.name == name);
+    let (title, credit) = tile.map_or_else(
+        || (name.to_owned(), String::new()),
+        |tile| (tile.title.clone(), format!("{}: {}. {}", tile.title, tile.credit, tile.licence)),
+    );
+    let range = style.info.normalization;
+    let unit = range.normalize(&source.dem);
+    let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.info.config.extraction)?;
+    let metres = |unit: &Grid<f32>| -> Result<Dem> {
+        Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), source.dem.cell_size())
+    };
+    let correction = style.info.config.generation.correction;
+    let rebuilt = metres(&style.model.reconstruct(&lines, correction, style.info.seed)?)?;
+    let drawing = in_metres(&samples::load(DRAWING)?, range);
+    let terrain = |sketch: &Sketch| -> Result<Dem> {
+        Dem::new(style.generate(&sketch.rasterize(), None, context.seed)?, source.dem.cell_size())
+    };
+    let heights = Some((range.low(), range.high()));
+    let random = RandomSketchConfig { nodes: RANDOM_NODES, height_range: heights, ..Default::default() };
+    let richer = enhance(&drawing, &random, context.seed)?;
+    let (drawn, enhanced) = (terrain(&drawing)?, terrain(&richer)?);
+    let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
+    Ok(Trained { name, title, credit, source, lines, style, rebuilt, drawn, enhanced: (richer, enhanced) })
+}
+
+/// Styles, sketches, terrain and scores beside the report.
+fn write_data(shown: &Shown, out: &Path) -> Result<()> {
+    let options = WriteOptions::default();
+    for s in &shown.styles {
+        let file = |kind: &str| out.join(format!("{}-{kind}", s.name));
+        s.style.save(&file("style.safetensors"))?;
+        io::write(&s.source.dem, &file("exemplar.tif"), &options)?;
+        io::write(&s.rebuilt, &file("rebuilt.tif"), &options)?;
+        io::write(&s.drawn, &file("drawn.tif"), &options)?;
+        io::write(&s.enhanced.1, &file("drawn-with-random-lines.tif"), &options)?;
+        let geo = s.source.dem.georeference();
+        geojson::write(&file("exemplar.geojson"), &Sketch::trace(&s.lines), HeightUnit::Metres, geo)?;
+        geojson::write(&file("random-lines.geojson"), &s.enhanced.0, HeightUnit::Metres, None)?;
+    }
+    file::write_bytes(&out.join("drawing.geojson"), samples::text(DRAWING)?.as_bytes())?;
+    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows).as_bytes())
+}
+
+/// The commands that make the same things one by one.
+fn commands(styles: &[Trained], quick: bool) -> Vec<String> {
+    let mut commands = Vec::new();
+    let settings = if quick { " --epochs 60 --set model.extractions=4" } else { "" };
+    for s in styles {
+        let e = &s.source.info;
+        let crop = format!("--crop {},{},{}", e.row, e.col, e.rows);
+        commands.push(format!("monadnock extract {} -o {}-exemplar.geojson {crop}", s.name, s.name));
+        commands.push(format!("monadnock train {} -o {}-style.safetensors {crop}{settings}", s.name, s.name));
+        for (file, more) in [
+            ("drawn", String::new()),
+            ("drawn-with-random-lines", format!(" --random-sketches {RANDOM_NODES}")),
+        ] {
+            commands.push(format!(
+                "monadnock generate {0}-style.safetensors --sketch {DRAWING} -o {0}-{file}.tif{more}",
+                s.name
+            ));
+        }
+        commands.push(format!("monadnock render {0}-drawn.tif -o {0}-drawn.png --scale 4", s.name));
+    }
+    commands.push(format!(
+        "monadnock eval {0}-style.safetensors {0} --csv scores.csv --save rebuilt",
+        EXEMPLARS[0]
+    ));
+    commands
+}

@@ -1,0 +1,210 @@
+//! `monadnock eval`: every system rebuilds every patch of a DEM from its own lines.
+
+use super::args::DemInput;
+use super::console::Context;
+use crate::dem::io::{self, WriteOptions};
+use crate::dem::{CellSize, Dem};
+use crate::error::{Error, Result};
+use crate::experiment::{
+    Evaluation, EvaluationConfig, Line, PATCH, Rebuilt, aggregate, evaluate, patch_cells, to_csv,
+};
+use crate::file;
+use crate::grid::{Cell, Grid, Mask};
+use crate::sketch::Sketch;
+use crate::sketch::geojson::{self, HeightUnit};
+use crate::systems::region_gnn::Style;
+use crate::systems::region_gnn::style::fingerprint;
+use crate::systems::registry;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `eval`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  monadnock eval alps.safetensors alps.tif
+  monadnock eval alps.safetensors alps.tif --systems gnn,laplace,natural-neighbour --csv scores.csv
+  monadnock eval alps.safetensors alps.tif --patches '0,0;128,256' --save rebuilt
+  monadnock eval alps.safetensors alps.tif --sketch-order 3
+
+Each 128x128 patch is put into 0 to 1 by its own range, its ridges and valleys are extracted from it alone, every system
+rebuilds it from them with their heights, and the result is scored against the truth (Liu & Benes 2025, 7.2). Patches that
+overlap the exemplar are left out and said so.")]
+pub(super) struct EvalArgs {
+    /// The style, as written by `train`
+    style: PathBuf,
+    #[command(flatten)]
+    dem: DemInput,
+    /// `all` whole patches, or north-west cells as ROW,COL;ROW,COL
+    #[arg(long, default_value = "all")]
+    patches: String,
+    /// `all`, or names separated by commas
+    #[arg(long, default_value = "all")]
+    systems: String,
+    /// Lowest Strahler order of the lines that the systems are given
+    #[arg(long, value_name = "N")]
+    sketch_order: Option<u8>,
+    /// Fewest cells that a line given to the systems drains
+    #[arg(long, value_name = "N")]
+    sketch_accumulation: Option<u32>,
+    /// Write a row per patch and system as CSV
+    #[arg(long, value_name = "F")]
+    csv: Option<PathBuf>,
+    /// Write rows and means as JSON
+    #[arg(long, value_name = "F")]
+    json: Option<PathBuf>,
+    /// Write each patch's truth, sketch and every system's terrain into a folder
+    #[arg(long, value_name = "DIR")]
+    save: Option<PathBuf>,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Whatever is wrong with the style, the DEM, a patch or an output path.
+pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
+    let style = Style::load(&args.style)?;
+    let dem = args.dem.load()?;
+    let systems = registry::select(&style, &args.systems)?;
+    let origins = patches(&args.patches, &dem)?;
+    let (origins, overlapping) = without_exemplar(&style, &dem, origins);
+    if overlapping > 0 {
+        context.console.line(format!("{overlapping} patches overlap the exemplar and are left out"));
+    }
+    if origins.is_empty() {
+        let (rows, cols) = dem.shape();
+        let allowed = format!(
+            "at least one whole {PATCH}x{PATCH} patch beside the exemplar is needed ({rows}x{cols} cells)"
+        );
+        return Err(Error::value("patches", &args.patches, allowed));
+    }
+    let config = EvaluationConfig {
+        extraction: style.info.config.extraction.clone(),
+        sketch_order: args.sketch_order,
+        sketch_accumulation: args.sketch_accumulation,
+    };
+    let progress = context.console.progress(origins.len() as u64, "patches");
+    let keep = args.save.is_some();
+    let evaluation = evaluate(&dem, &origins, &systems, &config, context.seed, keep, || progress.advance(1))?;
+    progress.finish();
+    if let Some(path) = &args.csv {
+        file::write_bytes(path, to_csv(&evaluation.rows).as_bytes())?;
+    }
+    if let Some(path) = &args.json {
+        let json = as_json(&evaluation);
+        file::write_bytes(path, format!("{json:#}\n").as_bytes())?;
+    }
+    if let Some(folder) = &args.save {
+        for patch in &evaluation.patches {
+            save(patch, folder, dem.cell_size())?;
+        }
+    }
+    context.console.line(table(&aggregate(&evaluation.rows)));
+    for row in evaluation.rows.iter().filter(|row| row.error.is_some()) {
+        let error = row.error.as_deref().unwrap_or_default();
+        context.console.warn(format!("patch {},{}, {}: {error}", row.row, row.col, row.system));
+    }
+    Ok(())
+}
+
+fn patches(text: &str, dem: &Dem) -> Result<Vec<Cell>> {
+    if text == "all" {
+        return Ok(patch_cells(dem));
+    }
+    text.split(';')
+        .map(|pair| {
+            let numbers: Option<Vec<usize>> = pair.split(',').map(|s| s.trim().parse().ok()).collect();
+            match numbers.as_deref() {
+                Some(&[row, col]) => Ok(Cell::new(row, col)),
+                _ => Err(Error::value("--patches", pair, "allowed: all, or ROW,COL;ROW,COL")),
+            }
+        })
+        .collect()
+}
+
+/// Leaves out patches that share cells with the exemplar, when this is the DEM that it was cut from.
+fn without_exemplar(style: &Style, dem: &Dem, origins: Vec<Cell>) -> (Vec<Cell>, usize) {
+    let e = &style.info.exemplar;
+    if fingerprint(dem) != e.source_sha256 {
+        return (origins, 0);
+    }
+    let meets = |start: usize, other: usize, len: usize| start < other + len && other < start + PATCH;
+    let overlaps = |c: &Cell| meets(c.row, e.row, e.rows) && meets(c.col, e.col, e.cols);
+    let count = origins.len();
+    let kept: Vec<Cell> = origins.into_iter().filter(|c| !overlaps(c)).collect();
+    let left_out = count - kept.len();
+    (kept, left_out)
+}
+
+/// Rows and means.
+fn as_json(evaluation: &Evaluation) -> serde_json::Value {
+    let means: Vec<serde_json::Value> = aggregate(&evaluation.rows)
+        .iter()
+        .map(|line| {
+            serde_json::json!({
+                "system": line.system,
+                "patches": line.patches,
+                "failed": line.failed,
+                "seconds": line.seconds,
+                "scores": line.summary.spreads,
+            })
+        })
+        .collect();
+    serde_json::json!({ "systems": means, "rows": evaluation.rows })
+}
+
+/// Mean ± standard deviation of the main scores, one line a system.
+pub(super) fn table(lines: &[Line]) -> String {
+    const COLUMNS: [(&str, &str, usize); 8] = [
+        ("ssim", "SSIM", 4),
+        ("psnr", "PSNR dB", 2),
+        ("mean_slope_ratio", "slope", 3),
+        ("slope_distance", "slope dist", 4),
+        ("spectrum_distance", "spectrum", 2),
+        ("stroke_height_error", "stroke err", 4),
+        ("ridge_f1", "ridge F1", 3),
+        ("valley_f1", "valley F1", 3),
+    ];
+    let width = lines.iter().map(|l| l.system.len()).max().unwrap_or(0).max("system".len());
+    let mut text = format!("{:width$}   n", "system");
+    for (_, title, _) in COLUMNS {
+        let _ = write!(text, "  {title:>16}");
+    }
+    let _ = write!(text, "  {:>8}", "s/patch");
+    for line in lines {
+        let _ = write!(text, "\n{:width$} {:3}", line.system, line.patches);
+        for (name, _, decimals) in COLUMNS {
+            let cell = line
+                .summary
+                .get(name)
+                .map_or_else(|| "-".to_owned(), |s| format!("{:.decimals$} ± {:.decimals$}", s.mean, s.sd));
+            let _ = write!(text, "  {cell:>16}");
+        }
+        let _ = write!(text, "  {:8.2}", line.seconds);
+        if line.failed > 0 {
+            let _ = write!(text, "  {} failed", line.failed);
+        }
+    }
+    text
+}
+
+/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres.
+fn save(patch: &Rebuilt, folder: &Path, cell_size: CellSize) -> Result<()> {
+    let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));
+    fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
+    let metres = |unit: &Grid<f32>, valid: Mask| -> Result<Dem> {
+        let heights = unit.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
+        Dem::with_voids(heights, valid, cell_size)
+    };
+    let options = WriteOptions::default();
+    io::write(&metres(&patch.truth, patch.valid.clone())?, &folder.join("truth.tif"), &options)?;
+    let lines = patch.lines.map_heights(|z| patch.normalization.to_metres(f64::from(z)) as f32);
+    geojson::write(&folder.join("sketch.geojson"), &Sketch::trace(&lines), HeightUnit::Metres, None)?;
+    for (name, output) in &patch.outputs {
+        if let Some(output) = output {
+            let everywhere = output.map(|_| true);
+            io::write(&metres(output, everywhere)?, &folder.join(format!("{name}.tif")), &options)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,120 @@
+//! `monadnock generate`: a style and a sketch become terrain.
+
+use super::args::{Pair, elevation};
+use super::console::Context;
+use crate::dem::io::{self, WriteOptions};
+use crate::dem::{CellSize, Dem, Normalization};
+use crate::error::{Error, Result};
+use crate::extract::random::{RandomSketchConfig, enhance};
+use crate::sketch::geojson::{self, HeightUnit, MissingHeights, SketchReading};
+use crate::sketch::{Sketch, samples};
+use crate::systems::region_gnn::Style;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Arguments of `generate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif
+  monadnock generate sierra.safetensors --sketch lambda-ring -o terrain.tif --random-sketches 40
+  monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.png --elevation 800,2400
+
+Sketch heights are metres, or 0 to 1 of the style's range when the file says \"unit\": \"normalised\".
+The output's format follows its ending: .tif (float32), .png (16 bits), .npy, .asc.")]
+pub(super) struct GenerateArgs {
+    /// The style, as written by `train`
+    style: PathBuf,
+    /// The sketch: a GeoJSON file, or one that comes with the program (lambda-ring, meander, p-valley, single-stroke,
+    /// volcano-ring)
+    #[arg(long, value_name = "S.geojson")]
+    sketch: PathBuf,
+    /// The terrain to write
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Cells of the map, as HEIGHTxWIDTH, when the sketch does not say
+    #[arg(long, value_name = "HxW")]
+    size: Option<String>,
+    /// Elevations in metres that stand for the exemplar's lowest and highest height
+    #[arg(long, value_name = "MIN,MAX", value_parser = Pair::from_str, allow_hyphen_values = true)]
+    elevation: Option<Pair>,
+    /// Nodes of random ridges and valleys to fill the empty parts of a sparse sketch (paper, 5.2)
+    #[arg(long, value_name = "N")]
+    random_sketches: Option<usize>,
+    /// Fill in missing heights along each stroke from the given ones
+    #[arg(long)]
+    interpolate_heights: bool,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Whatever is wrong with the style, the sketch or the output path.
+pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
+    let style = Style::load(&args.style)?;
+    let range = match args.elevation {
+        Some(pair) => elevation(pair)?,
+        None => style.info.normalization,
+    };
+    let size = args.size.as_deref().map(map_size).transpose()?;
+    let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Refuse };
+    let options = geojson::ReadOptions { size, missing_heights: missing, ..Default::default() };
+    let reading = read_sketch(&args.sketch, &options)?;
+    for warning in &reading.warnings {
+        context.console.warn(format!("{}: {warning}", args.sketch.display()));
+    }
+    let sketch = in_metres(&reading, range);
+    let sketch = match args.random_sketches {
+        Some(nodes) => {
+            let heights = Some((range.low(), range.high()));
+            let config = RandomSketchConfig { nodes, height_range: heights, ..Default::default() };
+            enhance(&sketch, &config, context.seed)?
+        }
+        None => sketch,
+    };
+    let terrain = style.generate(&sketch.rasterize(), Some(range), context.seed)?;
+    let cell_size = match &reading.georeference {
+        // The transform's own steps, when they are metres.
+        Some(g) if g.epsg.is_none_or(|code| code != 4326) => {
+            CellSize::new(g.transform[0].hypot(g.transform[3]), g.transform[1].hypot(g.transform[4]))?
+        }
+        _ => CellSize::new(style.info.exemplar.cell_size[0], style.info.exemplar.cell_size[1])?,
+    };
+    let dem = Dem::new(terrain, cell_size)?.at(reading.georeference);
+    io::write(&dem, &args.output, &WriteOptions::default())?;
+    let (low, high) = dem.range();
+    let (rows, cols) = dem.shape();
+    context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));
+    Ok(())
+}
+
+/// A sketch file, or a sample by name when there is no such file.
+pub(super) fn read_sketch(path: &Path, options: &geojson::ReadOptions) -> Result<SketchReading> {
+    match path.to_str() {
+        Some(name) if !path.exists() && samples::names().any(|known| known == name) => samples::load(name),
+        _ => geojson::read(path, options),
+    }
+}
+
+/// The sketch with its heights in metres.
+pub(super) fn in_metres(reading: &SketchReading, range: Normalization) -> Sketch {
+    let mut sketch = reading.sketch.clone();
+    if reading.unit == HeightUnit::Normalised {
+        for vertex in sketch.strokes.iter_mut().flat_map(|s| &mut s.vertices) {
+            vertex.z = range.to_metres(vertex.z);
+        }
+    }
+    sketch
+}
+
+/// Largest side of a map that can be asked for.
+const LARGEST_SIDE: usize = 8192;
+
+fn map_size(text: &str) -> Result<(usize, usize)> {
+    let sides: Option<Vec<usize>> = text.split(['x', 'X']).map(|s| s.trim().parse().ok()).collect();
+    match sides.as_deref() {
+        Some(&[rows, cols]) if (1..=LARGEST_SIDE).contains(&rows) && (1..=LARGEST_SIDE).contains(&cols) => {
+            Ok((rows, cols))
+        }
+        _ => Err(Error::value("--size", text, format!("allowed: HEIGHTxWIDTH, each 1 to {LARGEST_SIDE}"))),
+    }
+}

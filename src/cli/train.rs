@@ -1,0 +1,194 @@
+//! `monadnock train`: one piece of a DEM becomes a style.
+
+use super::args::{DemInput, Window};
+use super::console::Context;
+use crate::dem::Dem;
+use crate::error::{Error, Result};
+use crate::experiment::{PATCH, choose_exemplar};
+use crate::grid::Cell;
+use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn};
+use crate::systems::region_gnn::{EpochReport, Preset};
+use std::path::{Path, PathBuf};
+
+/// Windows with more cells than this are not taken whole: training costs about 1 kB a cell and extraction.
+const LARGEST_WHOLE: usize = 192 * 192;
+
+/// Arguments of `train`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  monadnock train sierra -o sierra.safetensors
+  monadnock train alps.tif -o alps.safetensors --crop 256,256,128
+  monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
+  monadnock train alps.tif -o alps.safetensors --config mine.toml
+
+The configuration is a TOML file with the sections [extraction], [model] and [generation]; --set overrides one key.
+Order of precedence: preset, then the file, then --epochs and --set.")]
+pub(super) struct TrainArgs {
+    #[command(flatten)]
+    dem: DemInput,
+    /// The style to write
+    #[arg(short, long, value_name = "STYLE.safetensors")]
+    output: PathBuf,
+    /// The window to learn from [default: the whole DEM when small, else the most varied central 128x128 patch]
+    #[arg(long, value_name = "ROW,COL,SIZE")]
+    crop: Option<Window>,
+    /// Named configuration: anchored (ours) or paper (Liu & Benes 2025)
+    #[arg(long, value_enum, default_value = "anchored")]
+    preset: PresetName,
+    /// Configuration file
+    #[arg(long, value_name = "F.toml")]
+    config: Option<PathBuf>,
+    /// One setting, such as model.width=64; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Training steps
+    #[arg(long)]
+    epochs: Option<usize>,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum PresetName {
+    Anchored,
+    Paper,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Whatever is wrong with the input, the configuration or the output path.
+pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
+    let preset = match args.preset {
+        PresetName::Anchored => Preset::Anchored,
+        PresetName::Paper => Preset::Paper,
+    };
+    let config = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
+    let dem = args.dem.load()?;
+    let (origin, rows, cols) = match &args.crop {
+        Some(window) => (window.origin, window.rows, window.cols),
+        None => default_window(&dem, context)?,
+    };
+    let source = Source::new(&args.dem.name(), &dem, origin, rows, cols)?;
+    let style = train_with_progress(&source, &config, context, "training")?;
+    style.save(&args.output)?;
+    let t = &style.info.training;
+    context.console.line(format!(
+        "{}: {} epochs in {:.1} s ({:.3} s each); exemplar rebuilt with SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}",
+        args.output.display(),
+        t.epochs,
+        t.seconds,
+        t.seconds_per_epoch,
+        t.ssim,
+        t.psnr,
+        t.l_gt
+    ));
+    Ok(())
+}
+
+/// The whole DEM when it is small, else the patch that represents it.
+fn default_window(dem: &Dem, context: &Context) -> Result<(Cell, usize, usize)> {
+    let (rows, cols) = dem.shape();
+    if rows * cols <= LARGEST_WHOLE {
+        return Ok((Cell::new(0, 0), rows, cols));
+    }
+    let origin = choose_exemplar(dem)?;
+    context.console.line(format!(
+        "learning from the {PATCH}x{PATCH} window at row {}, column {} (choose another with --crop)",
+        origin.row, origin.col
+    ));
+    Ok((origin, PATCH, PATCH))
+}
+
+/// Learns a style under a progress bar.
+pub(super) fn train_with_progress(
+    source: &Source,
+    config: &StyleConfig,
+    context: &Context,
+    label: &str,
+) -> Result<Style> {
+    let progress = context.console.progress(config.model.epochs as u64, label);
+    let style = learn(source, config, context.seed, |report: &EpochReport| {
+        let l = &report.losses;
+        progress.advance_with(1, format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
+    })?;
+    progress.finish();
+    Ok(style)
+}
+
+/// The preset, overlaid with a file and with single keys.
+fn resolve(
+    preset: Preset,
+    file: Option<&Path>,
+    set: &[String],
+    epochs: Option<usize>,
+) -> Result<StyleConfig> {
+    let mut table = match toml::Table::try_from(StyleConfig::preset(preset)) {
+        Ok(table) => table,
+        Err(e) => return Err(Error::value("configuration", e, "a preset must be plain data")),
+    };
+    if let Some(path) = file {
+        let bytes = crate::file::read_whole(path, 1 << 20)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let overlay: toml::Table = toml::from_str(&text)
+            .map_err(|e| Error::file(path, "configuration", e.message(), "allowed: TOML"))?;
+        merge(&mut table, overlay);
+        // Checked here as well, so that a bad key names the file.
+        parse(table.clone()).map_err(|e| e.in_file(path))?;
+    }
+    for setting in set {
+        let allowed = "allowed: KEY=VALUE such as model.width=64 or model.base=\"laplace\"";
+        let Some((key, value)) = setting.split_once('=') else {
+            return Err(Error::value("--set", setting, allowed));
+        };
+        // A bare word is a string, so that `model.base=laplace` works in a shell.
+        let overlay: toml::Table = toml::from_str(&format!("{key}={value}"))
+            .or_else(|_| toml::from_str(&format!("{key}=\"{value}\"")))
+            .map_err(|_| Error::value("--set", setting, allowed))?;
+        merge(&mut table, overlay);
+    }
+    let mut config = parse(table)?;
+    if let Some(epochs) = epochs {
+        config.model.epochs = epochs;
+    }
+    config.validate()?;
+    Ok(config)
+}
+
+fn parse(table: toml::Table) -> Result<StyleConfig> {
+    let config: StyleConfig = table.try_into().map_err(|e: toml::de::Error| {
+        Error::value("configuration", e.message(), "see `monadnock info STYLE --json` for all keys")
+    })?;
+    config.validate()?;
+    Ok(config)
+}
+
+/// Puts `overlay` over `table`, section by section.
+fn merge(table: &mut toml::Table, overlay: toml::Table) {
+    for (key, value) in overlay {
+        match (table.get_mut(&key), value) {
+            (Some(toml::Value::Table(below)), toml::Value::Table(above)) => merge(below, above),
+            (_, value) => {
+                table.insert(key, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::systems::region_gnn::config::Base;
+
+    #[test]
+    fn settings_overlay_the_preset_and_bad_ones_are_named() {
+        let set = |s: &[&str]| {
+            let settings: Vec<String> = s.iter().map(|s| (*s).to_owned()).collect();
+            resolve(Preset::Anchored, None, &settings, Some(7))
+        };
+        let config = set(&["model.base=laplace", "extraction.min_order=3", "model.losses.ssim=2.5"]).unwrap();
+        assert_eq!((config.model.base, config.extraction.min_order), (Base::Laplace, 3));
+        assert_eq!((config.model.losses.ssim, config.model.epochs), (2.5, 7));
+        assert!(set(&["model.widht=64"]).unwrap_err().to_string().contains("widht"));
+        assert!(set(&["model.width=33"]).unwrap_err().to_string().contains("33"));
+        assert!(set(&["nonsense"]).unwrap_err().to_string().contains("nonsense"));
+    }
+}
