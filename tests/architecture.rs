@@ -29,7 +29,10 @@ const LONGEST_FILE: usize = 600;
 fn rooms_import_only_rooms_above_them() {
     let house = House::read();
     assert!(house.rooms.len() > 10 && house.sources.len() > 50, "the house was read");
-    assert!(house.imports().filter(|import| import.to[0] != import.from[0]).count() > 100, "imports were found");
+    assert!(
+        house.imports().filter(|import| import.to[0] != import.from[0]).count() > 100,
+        "imports were found"
+    );
     report(house.upward_imports());
 }
 
@@ -55,7 +58,9 @@ fn only_the_doors_open_files() {
     let opens = |tokens: &[Token], i: usize| match tokens[i].text.as_str() {
         "fs" | "OpenOptions" | "tempfile" => true,
         // Our own types have variants of that name.
-        "File" => tokens.get(i + 2).is_some_and(|t| ["open", "create", "create_new", "options"].contains(&&*t.text)),
+        "File" => {
+            tokens.get(i + 2).is_some_and(|t| ["open", "create", "create_new", "options"].contains(&&*t.text))
+        }
         _ => false,
     };
     let allowed = |module: &[String]| {
@@ -119,7 +124,11 @@ fn the_scanner_finds_what_is_wrong_and_only_that() {
     let house = |module: &str, text: &str| House {
         rooms: rooms.clone(),
         exports: vec![("Error".into(), "error".into())],
-        sources: vec![Source::new(PathBuf::from("made-up.rs"), module.split("::").map(String::from).collect(), text)],
+        sources: vec![Source::new(
+            PathBuf::from("made-up.rs"),
+            module.split("::").map(String::from).collect(),
+            text,
+        )],
     };
     let upward = |module: &str, text: &str| house(module, text).upward_imports();
 
@@ -134,7 +143,8 @@ fn the_scanner_finds_what_is_wrong_and_only_that() {
         "fn f() { let quote = '\"'; crate::flow::route(); let quote = '\"'; }",
         "use crate::nowhere::Thing;",
     ] {
-        let module = if bad.contains("below") || bad.starts_with("use super::super") { "grid::cell" } else { "grid" };
+        let module =
+            if bad.contains("below") || bad.starts_with("use super::super") { "grid::cell" } else { "grid" };
         assert_eq!(upward(module, bad).len(), 1, "{bad}: {:?}", upward(module, bad));
     }
     for good in [
@@ -154,12 +164,20 @@ fn the_scanner_finds_what_is_wrong_and_only_that() {
     let siblings = |module: &str, text: &str| house(module, text).sibling_imports().len();
     assert_eq!(siblings("systems::a::net", "use crate::systems::b::Net;"), 1);
     assert_eq!(siblings("systems::a::net", "use super::super::b::Net;"), 1);
-    assert_eq!(siblings("systems::a::net", "use super::super::task::T; use super::other; use crate::systems::a::X;"), 0);
+    assert_eq!(
+        siblings("systems::a::net", "use super::super::task::T; use super::other; use crate::systems::a::X;"),
+        0
+    );
     assert_eq!(siblings("systems::registry", "use super::{a, b};"), 0);
 
     let candle = |text: &str| house("grid", text).named(|w| w.starts_with("candle"), |_| true).len();
     assert_eq!(candle("use candle_core::Tensor;"), 1);
-    assert_eq!(candle("// candle_core\nconst NAME: &str = \"candle_core\"; #[cfg(test)] mod t { use candle_core::T; }"), 0);
+    assert_eq!(
+        candle(
+            "// candle_core\nconst NAME: &str = \"candle_core\"; #[cfg(test)] mod t { use candle_core::T; }"
+        ),
+        0
+    );
     let prints = |text: &str| house("grid", text).macros_named(|w| w == "println", |_| true).len();
     assert_eq!(prints("fn f() { println!(\"x\"); }"), 1);
     assert_eq!(prints("fn println() {} #[cfg(test)]\n#[test]\nfn f() { if true { println!(); } }\n"), 0);
@@ -251,10 +269,8 @@ impl House {
             let room = self.exports.iter().find(|(name, _)| name == named).map_or(named, |(_, room)| room);
             match (place(&from[0]), place(room)) {
                 (Some(here), Some(there)) if there <= here => {}
-                (Some(_), Some(_)) => faults.push(format!(
-                    "{at}: `{}` imports `{room}`, which src/lib.rs lists below it",
-                    from[0]
-                )),
+                (Some(_), Some(_)) => faults
+                    .push(format!("{at}: `{}` imports `{room}`, which src/lib.rs lists below it", from[0])),
                 (None, _) => faults.push(format!("{at}: `{}` is not a room of src/lib.rs", from[0])),
                 (_, None) => faults.push(format!("{at}: `crate::{named}` is not a room of src/lib.rs")),
             }
@@ -284,7 +300,11 @@ impl House {
         self.words(|tokens, i| forbidden(&tokens[i].text), here)
     }
 
-    fn macros_named(&self, forbidden: impl Fn(&str) -> bool, here: impl Fn(&[String]) -> bool) -> Vec<String> {
+    fn macros_named(
+        &self,
+        forbidden: impl Fn(&str) -> bool,
+        here: impl Fn(&[String]) -> bool,
+    ) -> Vec<String> {
         let is_macro = |tokens: &[Token], i: usize| tokens.get(i + 1).is_some_and(|t| t.text == "!");
         self.words(|tokens, i| forbidden(&tokens[i].text) && is_macro(tokens, i), here)
     }
@@ -351,7 +371,11 @@ impl Source {
                             }
                         }
                         if !to.is_empty() {
-                            imports.push(Import { from: self.module.clone(), to, place: self.place(&tokens[i]) });
+                            imports.push(Import {
+                                from: self.module.clone(),
+                                to,
+                                place: self.place(&tokens[i]),
+                            });
                         }
                     }
                 }
@@ -387,7 +411,9 @@ fn use_tree(tokens: &[Token], i: usize) -> Vec<Vec<String>> {
                 word if is_word(word) => {
                     path.push(word.to_owned());
                     *i += 1;
-                    if text(*i) == "::" && (text(*i + 1) == "{" || text(*i + 1) == "*" || is_word(text(*i + 1))) {
+                    if text(*i) == "::"
+                        && (text(*i + 1) == "{" || text(*i + 1) == "*" || is_word(text(*i + 1)))
+                    {
                         *i += 1;
                         continue;
                     }
