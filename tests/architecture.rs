@@ -4,6 +4,8 @@
 //! Free of dependencies, so that it can be compiled alone: `rustc --test tests/architecture.rs --edition 2024` with
 //! `CARGO_MANIFEST_DIR` set.
 
+#![allow(clippy::unwrap_used, reason = "a source that cannot be read fails the test")]
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
