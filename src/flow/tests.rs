@@ -208,6 +208,27 @@ fn five_by_five_by_hand() {
 }
 
 #[test]
+fn a_filled_pit_drains_by_the_fewest_steps() {
+    // A level pit of 9 x 17 cells in a block with a notch at its south-west corner.
+    let inside = |c: Cell| (1..10).contains(&c.row) && (1..18).contains(&c.col);
+    let notch = Cell::new(10, 0);
+    let z = Grid::from_fn(11, 19, |c| {
+        if inside(c) {
+            1.0
+        } else if c == notch {
+            5.0
+        } else {
+            9.0
+        }
+    });
+    let directions = d8(&fill(&surface(&z)));
+    for (cell, _) in z.cells().filter(|(c, _)| inside(*c)) {
+        let steps = cell.row.abs_diff(notch.row).max(cell.col.abs_diff(notch.col));
+        assert_eq!(path(&directions, cell).len() - 1, steps, "{cell:?}");
+    }
+}
+
+#[test]
 fn a_pit_drains_through_its_bottom_and_not_around_it() {
     // A cone upside down on a plain that falls to the south: least cost leads through the deepest cell.
     let z = Grid::from_fn(31, 31, |c| {
