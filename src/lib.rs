@@ -5,6 +5,7 @@
 //! (`tests/architecture.rs` enforces it), so reading them once, top to bottom, is reading the whole path.
 
 pub mod error;
+pub mod file;
 pub mod seed;
 pub mod grid;
 pub mod dem;
@@ -12,6 +13,7 @@ pub mod flow;
 pub mod sketch;
 pub mod extract;
 pub mod matching;
+pub mod interpolation;
 pub mod metrics;
 pub mod viz;
 pub mod learn;

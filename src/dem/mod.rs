@@ -1,5 +1,6 @@
 //! Heights with meaning: [`Dem`] (metres, cell size, voids, georeference) and [`Normalization`].
 
+pub mod bundled;
 mod cell_size;
 mod georeference;
 mod heights;

@@ -1,1 +1,53 @@
-//! To come.
+//! How good terrain is: against the truth cell by cell, as a landscape, and as an answer to its sketch.
+//!
+//! Everything here compares an output with the truth on the same raster, both in the *unit interval of the truth's own
+//! range* (0 its lowest and 1 its highest valid height), and leaves out voids. [`Scores`] gathers all of it for one patch
+//! and [`Summary`] over patches.
+
+mod error;
+mod lines;
+mod relief;
+mod scores;
+mod spectrum;
+mod ssim;
+mod summary;
+
+pub use error::{psnr, rmse};
+pub use lines::{LineAgreement, line_agreement, stroke_height_error};
+pub use relief::{curvature_distance, mean_slope_ratio, pit_share, slope_distance};
+pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
+pub use spectrum::{radial_spectrum, spectrum_distance};
+pub use ssim::{SsimMap, ssim, ssim_map};
+pub use summary::{Spread, Summary};
+
+use crate::error::{Error, Result};
+use crate::grid::{Grid, Mask};
+
+/// Both rasters and the mask have one shape, something is valid, and what is valid is finite.
+fn check_pair(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<()> {
+    check_one("output", output, valid)?;
+    check_one("truth", truth, valid)
+}
+
+/// The raster has the mask's shape, something is valid, and what is valid is finite.
+fn check_one(name: &str, raster: &Grid<f32>, valid: &Mask) -> Result<()> {
+    if raster.shape() != valid.shape() {
+        return Err(Error::value(
+            format!("{name} to score"),
+            format!("{:?}", raster.shape()),
+            format!("the mask of valid cells is {:?}", valid.shape()),
+        ));
+    }
+    let mut known = raster.cells().zip(valid.as_slice()).filter(|(_, ok)| **ok).peekable();
+    if known.peek().is_none() {
+        return Err(Error::value("number of valid cells", 0, "a score needs at least one"));
+    }
+    match known.find(|((_, z), _)| !z.is_finite()) {
+        Some(((cell, z), _)) => Err(Error::value(
+            format!("{name} at row {}, column {}", cell.row, cell.col),
+            z,
+            "allowed: finite, or marked as void",
+        )),
+        None => Ok(()),
+    }
+}

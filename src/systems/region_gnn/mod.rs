@@ -1,1 +1,29 @@
-//! To come.
+//! Liu & Benes 2025: a graph neural network that learns one piece of terrain from its ridges and valleys.
+//!
+//! [`Exemplar`] -> [`train`] -> [`RegionGnn`] -> terrain for any lines. What departs from the paper, and why, is in
+//! `docs/papers/region_gnn.md`.
+
+pub mod config;
+mod correction_op;
+mod edge_attention;
+mod edge_kernel;
+mod edges;
+mod generate;
+mod graph;
+pub mod losses;
+mod nearest;
+mod network;
+#[cfg(test)]
+mod network_tests;
+mod plain;
+mod pool;
+mod region;
+mod train;
+
+pub use config::{Preset, RegionGnnConfig};
+pub use edges::PassEdges;
+pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
+pub use graph::{Anchor, RegionGraph};
+pub use network::{Network, Output};
+pub use region::{Projection, Region, RegionId};
+pub use train::{EpochReport, Exemplar, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};

@@ -1,0 +1,4 @@
+//! Any bytes as `a`.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| monadnock_fuzz::read("a", bytes));

@@ -1,0 +1,44 @@
+//! Least-cost routing: drainage without raising a pit.
+//!
+//! [`Surface`] -> [`FlowDirections`]. Ehlschlaeger 1989 (the A* search of GRASS `r.watershed`): a flood starts at the
+//! outlets and always continues from the lowest cell in reach *by its true height*. A cell drains into the cell from which
+//! the flood reached it, unless a lower neighbour was flooded before: then into the steepest of those. Inside a pit the
+//! water therefore runs down to the bottom's thalweg and out along the lowest pass, where filling would leave arbitrary
+//! lines. Outlets drain out of the map only, never along its frame. n log n for ranking, then linear.
+
+use super::Surface;
+use super::directions::{FlowDirections, OUTLET, OUTSIDE};
+use super::flood::{DONE, Flood, UNSEEN};
+use crate::grid::d8;
+
+/// Where the water of every cell goes on a surface that keeps its pits.
+#[must_use]
+pub fn route(surface: &Surface) -> FlowDirections {
+    let mut flood = Flood::new(surface);
+    let Flood { steps, nodes, cells, state, queue, .. } = &mut flood;
+    while let Some(rank) = queue.pop() {
+        let here = cells[rank as usize] as usize;
+        let height = f64::from(nodes[here].height);
+        let mut steepest = 0.0;
+        let mut direction = state[here];
+        for code in 0..8u8 {
+            let there = here.wrapping_add_signed(steps[code as usize]);
+            let seen = state[there];
+            if seen == UNSEEN {
+                state[there] = d8::opposite(code);
+                queue.insert(nodes[there].rank);
+            } else if seen & DONE != 0 && seen != OUTSIDE {
+                let slope = (height - f64::from(nodes[there].height)) / d8::DISTANCES[code as usize];
+                if slope > steepest {
+                    steepest = slope;
+                    direction = code;
+                }
+            }
+        }
+        if state[here] != OUTLET {
+            state[here] = direction;
+        }
+        state[here] |= DONE;
+    }
+    FlowDirections::from_codes(flood.directions())
+}

@@ -1,0 +1,13 @@
+//! The linear solver behind smooth surfaces: conjugate gradients, preconditioned by a multigrid V-cycle.
+//!
+//! [`plane`] rasters with a mirrored margin -> [`energy`] the two operators on them -> [`stencils`] the same operators on
+//! coarser rasters -> [`cycle`] the V-cycle -> [`solve`] conjugate gradients around it.
+
+mod cycle;
+mod energy;
+mod plane;
+mod solve;
+mod stencils;
+
+pub(super) use energy::Energy;
+pub(super) use solve::solve;

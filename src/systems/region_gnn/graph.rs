@@ -1,0 +1,319 @@
+//! The bipartite graph of pixels and regions (Liu & Benes 2025, 4.2): every pixel to its k nearest parts.
+
+use super::config::{EdgeGeometry, HeightFrame, RegionGnnConfig};
+use super::nearest::nearest_regions;
+use super::region::Region;
+use crate::error::{Error, Result};
+use crate::grid::Cell;
+use crate::sketch::{LineMap, SketchPart, StrokeKind};
+use rayon::prelude::*;
+
+/// Heights on edges are cut here, in units of the sketch's relief.
+const HEIGHT_LIMIT: f32 = 6.0;
+
+/// A sketch as the network sees it: everything that does not change from epoch to epoch.
+///
+/// Edge `pixel * k + j` ties a pixel to its j-th nearest region. Memory: about 100 bytes an edge.
+#[derive(Debug)]
+pub struct RegionGraph {
+    rows: usize,
+    cols: usize,
+    k: usize,
+    regions: Vec<Region>,
+    /// (pixels, k) region of each edge, nearest first, ties by index.
+    nearest: Vec<u32>,
+    /// (pixels, k) index of the nearest cell on that region.
+    projections: Vec<u8>,
+    /// (pixels, k) distance to it, in cells.
+    distances: Vec<f32>,
+    feature_count: usize,
+    /// (pixels, k, features)
+    features: Vec<f32>,
+    geometry: EdgeGeometry,
+    /// Edges ordered by region: `by_region[offsets[r]..offsets[r + 1]]` are pixels.
+    region_offsets: Vec<u32>,
+    region_pixels: Vec<u32>,
+    /// +1 at ridges, -1 at valleys (A.3).
+    indicator: Vec<f32>,
+    /// Line cells, row-major.
+    line_cells: Vec<u32>,
+    /// Their heights.
+    line_heights: Vec<f32>,
+    anchor: Option<Anchor>,
+}
+
+/// What makes the anchored model independent of offset and scale.
+#[derive(Clone, Debug)]
+pub struct Anchor {
+    /// Interpolation of the sketch, one value a pixel.
+    pub base: Vec<f32>,
+    /// Relief of the sketch: 4 rms(height of the nearest part - mean height of the other k - 1).
+    pub scale: f32,
+}
+
+impl RegionGraph {
+    /// Ties every pixel of `lines` to its nearest `parts`. `base`: the interpolation from which an anchored model
+    /// deviates, one value a pixel.
+    ///
+    /// # Errors
+    /// When there is no part.
+    ///
+    /// # Panics
+    /// When an anchored model gets no base, or its length is not the number of pixels.
+    pub fn new(
+        lines: &LineMap,
+        parts: &[SketchPart],
+        base: Option<&[f32]>,
+        config: &RegionGnnConfig,
+    ) -> Result<Self> {
+        if parts.is_empty() {
+            return Err(Error::value("number of sketch parts", 0, "at least one ridge or valley part is needed"));
+        }
+        let (rows, cols) = lines.shape();
+        let regions: Vec<Region> = parts.iter().map(Region::new).collect();
+        let k = config.neighbours.min(regions.len());
+        let nearest = nearest_regions(&regions, rows, cols, k);
+        let projected: Vec<_> = nearest
+            .par_iter()
+            .enumerate()
+            .map(|(edge, &r)| regions[r as usize].project(Cell::new(edge / k / cols, edge / k % cols)))
+            .collect();
+        let projections = projected.iter().map(|p| p.index as u8).collect();
+        let distances = projected.iter().map(|p| p.distance).collect();
+        let (region_offsets, region_pixels) = by_region(&nearest, k, regions.len());
+        let kinds = lines.kinds().as_slice();
+        let indicator = kinds
+            .iter()
+            .map(|kind| match kind {
+                Some(StrokeKind::Ridge) => 1.0,
+                Some(StrokeKind::Valley) => -1.0,
+                None => 0.0,
+            })
+            .collect();
+        let line_cells: Vec<u32> = (0..kinds.len()).filter(|&i| kinds[i].is_some()).map(|i| i as u32).collect();
+        let line_heights = line_cells.iter().map(|&i| lines.heights().as_slice()[i as usize]).collect();
+        let mut graph = Self {
+            rows,
+            cols,
+            k,
+            regions,
+            nearest,
+            projections,
+            distances,
+            feature_count: 0,
+            features: Vec::new(),
+            geometry: config.geometry,
+            region_offsets,
+            region_pixels,
+            indicator,
+            line_cells,
+            line_heights,
+            anchor: None,
+        };
+        if config.frame == HeightFrame::Anchored {
+            let base = base.expect("an anchored model has a base");
+            assert_eq!(base.len(), graph.pixel_count(), "one base height a pixel");
+            graph.anchor = Some(Anchor { base: base.to_vec(), scale: graph.relief() });
+        }
+        graph.feature_count = feature_count(config);
+        graph.features = graph.fixed_features();
+        Ok(graph)
+    }
+
+    /// 4 rms(height of the nearest part - mean height of the other k - 1), over all pixels.
+    fn relief(&self) -> f32 {
+        let mut sum = 0.0f64;
+        for pixel in 0..self.pixel_count() {
+            let height = |j: usize| f64::from(self.projected_height(pixel * self.k + j));
+            let others = (1..self.k).map(height).sum::<f64>() / (self.k - 1).max(1) as f64;
+            sum += if self.k > 1 { (height(0) - others).powi(2) } else { 0.0 };
+        }
+        let relief = 4.0 * (sum / self.pixel_count() as f64).sqrt();
+        // A sketch at one height has no relief of its own: any scale gives the same heights back, so take the unit.
+        if relief > 1e-9 { relief as f32 } else { 1.0 }
+    }
+
+    fn fixed_features(&self) -> Vec<f32> {
+        let n = self.feature_count;
+        let mut features = vec![0.0; self.nearest.len() * n];
+        features.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
+            let region = self.nearest[edge] as usize;
+            let (index, distance) = (usize::from(self.projections[edge]), self.distances[edge]);
+            self.write_features(edge / self.k, region, index, distance, out);
+        });
+        features
+    }
+
+    /// Features of the edge from `pixel` to `region`, which may be any pair (for random edges).
+    pub(super) fn edge_features(&self, pixel: usize, region: usize, out: &mut [f32]) {
+        let projection = self.regions[region].project(self.cell(pixel));
+        self.write_features(pixel, region, projection.index, projection.distance, out);
+    }
+
+    /// `out`: (features). Order: projection index, distance, [frame], [height].
+    fn write_features(&self, pixel: usize, region: usize, index: usize, distance: f32, out: &mut [f32]) {
+        let r = &self.regions[region];
+        out[0] = r.relative_index(index);
+        out[1] = distance / 16.0;
+        let mut next = 2;
+        if self.geometry == EdgeGeometry::LocalFrame {
+            let (along, across) = r.along_across(self.cell(pixel));
+            let (along, across) = (along / 8.0, across / 8.0);
+            out[2] = along.tanh();
+            out[3] = across.tanh();
+            out[4] = distance.ln_1p() / 2.0;
+            out[5] = (-distance / 2.0).exp();
+            out[6] = (-distance / 6.0).exp();
+            out[7] = r.cell_count() as f32 / 10.0;
+            next = 8;
+            let (mut sa, mut ca) = (along * std::f32::consts::FRAC_PI_2).sin_cos();
+            let (mut sb, mut cb) = (across * std::f32::consts::FRAC_PI_2).sin_cos();
+            for _ in 0..3 {
+                out[next..next + 4].copy_from_slice(&[sa, ca, sb, cb]);
+                next += 4;
+                (sa, ca) = (2.0 * sa * ca, ca * ca - sa * sa);
+                (sb, cb) = (2.0 * sb * cb, cb * cb - sb * sb);
+            }
+        }
+        if let Some(anchor) = &self.anchor {
+            let height = (r.height(index) - anchor.base[pixel]) / anchor.scale;
+            out[next] = height.clamp(-HEIGHT_LIMIT, HEIGHT_LIMIT);
+        }
+    }
+
+    /// (rows, columns) of the map.
+    #[must_use]
+    pub fn shape(&self) -> (usize, usize) {
+        (self.rows, self.cols)
+    }
+
+    /// Number of pixels.
+    #[must_use]
+    pub fn pixel_count(&self) -> usize {
+        self.rows * self.cols
+    }
+
+    /// Number of regions.
+    #[must_use]
+    pub fn region_count(&self) -> usize {
+        self.regions.len()
+    }
+
+    /// Nearest regions kept for each pixel: at most the number of regions.
+    #[must_use]
+    pub fn k(&self) -> usize {
+        self.k
+    }
+
+    /// The regions.
+    #[must_use]
+    pub fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
+    /// (pixels, k) region of each fixed edge, nearest first.
+    #[must_use]
+    pub fn nearest(&self) -> &[u32] {
+        &self.nearest
+    }
+
+    /// (pixels, k) distance of each fixed edge, in cells.
+    #[must_use]
+    pub fn distances(&self) -> &[f32] {
+        &self.distances
+    }
+
+    /// Pixels of the fixed edges of one region.
+    #[must_use]
+    pub fn pixels_of(&self, region: usize) -> &[u32] {
+        &self.region_pixels[self.region_offsets[region] as usize..self.region_offsets[region + 1] as usize]
+    }
+
+    /// Number of features of an edge, noise not counted.
+    #[must_use]
+    pub fn feature_count(&self) -> usize {
+        self.feature_count
+    }
+
+    /// (pixels, k, features) of the fixed edges.
+    #[must_use]
+    pub fn features(&self) -> &[f32] {
+        &self.features
+    }
+
+    /// +1 at ridges, -1 at valleys, 0 elsewhere; one value a pixel (A.3).
+    #[must_use]
+    pub fn indicator(&self) -> &[f32] {
+        &self.indicator
+    }
+
+    /// Line cells by pixel index, row-major.
+    #[must_use]
+    pub fn line_cells(&self) -> &[u32] {
+        &self.line_cells
+    }
+
+    /// Heights of [`line_cells`](Self::line_cells).
+    #[must_use]
+    pub fn line_heights(&self) -> &[f32] {
+        &self.line_heights
+    }
+
+    /// The frame of the anchored model.
+    #[must_use]
+    pub fn anchor_frame(&self) -> Option<&Anchor> {
+        self.anchor.as_ref()
+    }
+
+    /// Pixel index of the cell on which a fixed edge projects.
+    #[must_use]
+    pub fn projected_pixel(&self, edge: usize) -> usize {
+        let cell = self.regions[self.nearest[edge] as usize].cell(usize::from(self.projections[edge]));
+        cell.row * self.cols + cell.col
+    }
+
+    /// Height of the sketch where a fixed edge projects.
+    #[must_use]
+    pub fn projected_height(&self, edge: usize) -> f32 {
+        self.regions[self.nearest[edge] as usize].height(usize::from(self.projections[edge]))
+    }
+
+    /// (1 per ridge, 1 per valley) indicator of each region: (regions, 2).
+    #[must_use]
+    pub fn kind_indicators(&self) -> Vec<f32> {
+        let one_hot = |r: &Region| if r.kind() == StrokeKind::Ridge { [1.0, 0.0] } else { [0.0, 1.0] };
+        self.regions.iter().flat_map(one_hot).collect()
+    }
+
+    fn cell(&self, pixel: usize) -> Cell {
+        Cell::new(pixel / self.cols, pixel % self.cols)
+    }
+}
+
+/// Number of edge features of a configuration, noise not counted.
+#[must_use]
+pub(super) fn feature_count(config: &RegionGnnConfig) -> usize {
+    let geometry = match config.geometry {
+        EdgeGeometry::Projection => 2,
+        EdgeGeometry::LocalFrame => 20,
+    };
+    geometry + usize::from(config.frame == HeightFrame::Anchored)
+}
+
+/// Counting sort of the edges by region: (offsets, pixels).
+fn by_region(nearest: &[u32], k: usize, regions: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut offsets = vec![0u32; regions + 1];
+    for &r in nearest {
+        offsets[r as usize + 1] += 1;
+    }
+    for r in 0..regions {
+        offsets[r + 1] += offsets[r];
+    }
+    let mut next = offsets.clone();
+    let mut pixels = vec![0u32; nearest.len()];
+    for (edge, &r) in nearest.iter().enumerate() {
+        pixels[next[r as usize] as usize] = (edge / k) as u32;
+        next[r as usize] += 1;
+    }
+    (offsets, pixels)
+}

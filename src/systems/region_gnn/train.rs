@@ -1,0 +1,306 @@
+//! Training on one exemplar (Liu & Benes 2025, 4 and 6).
+//!
+//! Each epoch draws one of the extractions, random edges, noise and masked parts, takes one step of Adam on the weighted
+//! losses, and reports. Cost: a forward and a backward pass an epoch, linear in pixels.
+
+use super::config::{Base, HeightFrame, RegionGnnConfig};
+use super::correction_op::LineCorrection;
+use super::edges::PassEdges;
+use super::graph::RegionGraph;
+use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope, smooth};
+use super::network::{Network, Output};
+use crate::error::{Error, Result};
+use crate::grid::{Grid, Mask};
+use crate::interpolation::harmonic;
+use crate::learn::{Adam, Schedule};
+use crate::seed::Seed;
+use crate::sketch::{LineMap, SketchPart, split_parts};
+use candle_core::{Device, Tensor};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// l_further looks at pixels farther from any line than this, in cells (`docs/papers/region_gnn.md`).
+const FAR: f32 = 6.0;
+/// Far pixels sampled for l_further in an epoch.
+const FAR_SAMPLES: usize = 1000;
+/// Pixel pairs sampled for l_smooth in an epoch.
+pub(super) const SMOOTH_PAIRS: usize = 10_000;
+/// Pixels for which [`RegionGnnConfig::random_edges`] is meant.
+const REFERENCE_PIXELS: usize = 128 * 128;
+/// Smallest side of an exemplar: below it neither SSIM nor lines mean anything.
+pub const SMALLEST_EXEMPLAR: usize = 32;
+
+/// What the model learns from: one piece of terrain and the lines found on it.
+#[derive(Clone, Debug)]
+pub struct Exemplar {
+    /// (rows, cols) heights in the unit interval.
+    pub heights: Grid<f32>,
+    /// False at voids.
+    pub valid: Mask,
+    /// Extractions of the same terrain, the standard one first; heights in the unit interval.
+    pub lines: Vec<LineMap>,
+}
+
+/// The unweighted losses of one epoch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LossValues {
+    /// l_gt, mean.
+    pub ground_truth: f64,
+    /// 1 - SSIM.
+    pub ssim: f64,
+    /// l_gradient, mean over pixels.
+    pub gradient: f64,
+    /// l_sketch.
+    pub sketch: f64,
+    /// l_smooth.
+    pub smooth: f64,
+    /// l_further.
+    pub further: f64,
+}
+
+/// One line of the training log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EpochReport {
+    /// Epoch, counted from 1.
+    pub epoch: usize,
+    /// Epochs in all.
+    pub epochs: usize,
+    /// Losses of this epoch, with its noise and masked parts.
+    pub losses: LossValues,
+    /// Seconds since the training began.
+    pub seconds: f64,
+}
+
+/// What a training did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainingRecord {
+    /// Epochs run.
+    pub epochs: usize,
+    /// Seconds of the loop, preparation excluded.
+    pub seconds: f64,
+    /// Seconds to extract regions and weights before the loop.
+    pub preparation_seconds: f64,
+    /// Median seconds of an epoch.
+    pub seconds_per_epoch: f64,
+    /// A sample of the epochs, evenly spaced, the last included.
+    pub history: Vec<EpochReport>,
+}
+
+/// What a sketch's lines alone decide, whatever their parts.
+#[derive(Clone, Debug)]
+pub(super) struct LineFrame {
+    /// Present when losses go through the correction or the model deviates from the natural-neighbour interpolation.
+    pub(super) correction: Option<LineCorrection>,
+    /// The base of an anchored model.
+    base: Option<Vec<f32>>,
+}
+
+impl LineFrame {
+    pub(super) fn new(lines: &LineMap, config: &RegionGnnConfig, corrected: bool) -> Result<Self> {
+        let anchored = config.frame == HeightFrame::Anchored;
+        let natural = anchored && config.base == Base::NaturalNeighbour;
+        let correction = if corrected || natural { Some(LineCorrection::new(lines)?) } else { None };
+        let base = match &correction {
+            Some(correction) if natural => Some(correction.interpolate()),
+            _ if anchored => {
+                let base = harmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?;
+                Some(base.as_slice().iter().map(|&z| z as f32).collect())
+            }
+            _ => None,
+        };
+        Ok(Self { correction, base })
+    }
+}
+
+/// A sketch made ready for training or inference.
+#[derive(Clone, Debug)]
+pub(super) struct Prepared {
+    pub(super) graph: Arc<RegionGraph>,
+    pub(super) parts: Vec<SketchPart>,
+}
+
+impl Prepared {
+    pub(super) fn new(lines: &LineMap, frame: &LineFrame, config: &RegionGnnConfig, seed: Seed) -> Result<Self> {
+        let parts = split_parts(lines, config.parts, seed);
+        let graph = Arc::new(RegionGraph::new(lines, &parts, frame.base.as_deref(), config)?);
+        Ok(Self { graph, parts })
+    }
+
+    /// Random edges, noise and masks of one pass.
+    pub(super) fn draw(&self, config: &RegionGnnConfig, masked: f64, seed: Seed) -> Arc<PassEdges> {
+        let random = config.random_edges * self.graph.pixel_count() / REFERENCE_PIXELS;
+        Arc::new(PassEdges::draw(&self.graph, random, config.noise, masked, seed))
+    }
+}
+
+/// Trains a network on an exemplar; returns it with the parts of its first extraction and a record.
+///
+/// # Errors
+/// When the exemplar is too small, has no lines, or the training diverges.
+pub fn train(
+    exemplar: &Exemplar,
+    config: &RegionGnnConfig,
+    seed: Seed,
+    mut progress: impl FnMut(&EpochReport),
+) -> Result<(Network, Vec<SketchPart>, TrainingRecord)> {
+    config.validate()?;
+    let (rows, cols) = exemplar.heights.shape();
+    if rows.min(cols) < SMALLEST_EXEMPLAR {
+        let allowed = format!("both sides must be at least {SMALLEST_EXEMPLAR}");
+        return Err(Error::value("exemplar size", format!("{rows}x{cols}"), allowed));
+    }
+    let started = Instant::now();
+    let samples = exemplar
+        .lines
+        .iter()
+        .take(config.extractions)
+        .enumerate()
+        .filter(|(i, lines)| *i == 0 || lines.line_count() > 0)
+        .map(|(i, lines)| {
+            let frame = LineFrame::new(lines, config, config.loss_after_correction)?;
+            let sketch = Prepared::new(lines, &frame, config, seed.derive_indexed("exemplar parts", i))?;
+            Ok((sketch, frame.correction.filter(|_| config.loss_after_correction)))
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let Some((first, _)) = samples.first() else {
+        return Err(Error::value("number of extractions", 0, "the exemplar needs at least one"));
+    };
+    let target = Target {
+        rows,
+        cols,
+        heights: exemplar.heights.as_slice().iter().map(|&z| f64::from(z)).collect(),
+        valid: exemplar.valid.as_slice().to_vec(),
+    };
+    let objective = Objective { ssim: SsimLoss::new(&target), target, config };
+    let network = Network::new(config, first.parts.len(), seed)?;
+    let preparation_seconds = started.elapsed().as_secs_f64();
+
+    let started = Instant::now();
+    let mut adam = Adam::over(network.params());
+    let schedule = Schedule { peak: config.learning_rate, steps: config.epochs, warm_up: 0.03, floor: 0.01 };
+    let mut choice = seed.stream("extraction of each epoch");
+    let mut times = Vec::with_capacity(config.epochs);
+    let mut history = Vec::new();
+    let interval = config.epochs.div_ceil(200);
+    for epoch in 0..config.epochs {
+        let begun = Instant::now();
+        let (sample, correction) = &samples[choice.random_range(0..samples.len())];
+        let seed = seed.derive_indexed("epoch", epoch);
+        let edges = sample.draw(config, config.masked, seed);
+        let output = network.forward(&edges, None, seed)?;
+        let (losses, surrogate) = objective.evaluate(&network, sample, correction.as_ref(), &output, seed)?;
+        if let Some((what, value)) = losses.first_not_finite() {
+            return Err(Error::Diverged { epoch, what, value });
+        }
+        let gradients = surrogate.backward()?;
+        adam.update(network.params().iter().map(|(_, var)| var), &gradients, schedule.at(epoch))?;
+        times.push(begun.elapsed().as_secs_f64());
+        let report = EpochReport {
+            epoch: epoch + 1,
+            epochs: config.epochs,
+            losses,
+            seconds: started.elapsed().as_secs_f64(),
+        };
+        progress(&report);
+        if epoch % interval == 0 || epoch + 1 == config.epochs {
+            history.push(report);
+        }
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    times.sort_by(f64::total_cmp);
+    let record = TrainingRecord {
+        epochs: config.epochs,
+        seconds,
+        preparation_seconds,
+        seconds_per_epoch: times[times.len() / 2],
+        history,
+    };
+    let parts = first.parts.clone();
+    Ok((network, parts, record))
+}
+
+/// The weighted sum of the losses against one exemplar.
+struct Objective<'a> {
+    config: &'a RegionGnnConfig,
+    target: Target,
+    ssim: SsimLoss,
+}
+
+impl Objective<'_> {
+    /// The losses, and a scalar whose gradient is theirs: heights times the gradient by the heights, as constants.
+    fn evaluate(
+        &self,
+        network: &Network,
+        sample: &Prepared,
+        correction: Option<&LineCorrection>,
+        output: &Output,
+        seed: Seed,
+    ) -> Result<(LossValues, Tensor)> {
+        let w = &self.config.losses;
+        let graph = &*sample.graph;
+        let corrected = match correction {
+            Some(correction) => correction.apply(&output.heights)?,
+            None => output.heights.clone(),
+        };
+        let y: Vec<f64> = corrected.to_vec1::<f32>()?.into_iter().map(f64::from).collect();
+        let mut gradient = vec![0.0; y.len()];
+        let t = &self.target;
+        let pixels = y.len() as f64;
+        let mut losses = LossValues {
+            ground_truth: ground_truth(&y, t, w.ground_truth, &mut gradient),
+            ssim: self.ssim.add(&y, w.ssim, &mut gradient),
+            gradient: slope(&y, t, w.gradient * pixels, &mut gradient),
+            sketch: sketch_order(&y, graph, seed, w.sketch, &mut gradient),
+            smooth: smooth(&y, t.rows, t.cols, SMOOTH_PAIRS, seed, w.smooth, &mut gradient),
+            further: 0.0,
+        };
+        let constant = |values: Vec<f64>| {
+            let n = values.len();
+            Tensor::from_vec(values.into_iter().map(|v| v as f32).collect(), n, &Device::Cpu)
+        };
+        let mut surrogate = (corrected * constant(gradient)?)?.sum_all()?;
+        let far = far_pixels(graph);
+        if self.config.frame == HeightFrame::Absolute && !far.is_empty() {
+            let mut stream = seed.stream("far pixels");
+            let chosen: Vec<u32> = (0..FAR_SAMPLES).map(|_| far[stream.random_range(0..far.len())]).collect();
+            let index = Tensor::from_slice(&chosen, chosen.len(), &Device::Cpu)?;
+            let heights = output.heights.index_select(&index, 0)?;
+            let baseline = network.far_field(output, &chosen)?;
+            let wide = |t: &Tensor| -> Result<Vec<f64>> {
+                Ok(t.to_vec1::<f32>()?.into_iter().map(f64::from).collect())
+            };
+            let distances: Vec<f64> =
+                chosen.iter().map(|&p| f64::from(graph.distances()[p as usize * graph.k()])).collect();
+            let (value, by_height, by_baseline) =
+                further(&wide(&heights)?, &wide(&baseline)?, &distances, w.further);
+            losses.further = value;
+            surrogate = (surrogate
+                + (heights * constant(by_height)?)?.sum_all()?
+                + (baseline * constant(by_baseline)?)?.sum_all()?)?;
+        }
+        Ok((losses, surrogate))
+    }
+}
+
+/// Pixels beyond [`FAR`] of every part.
+fn far_pixels(graph: &RegionGraph) -> Vec<u32> {
+    let nearest = graph.distances().chunks_exact(graph.k());
+    nearest.enumerate().filter(|(_, d)| d[0] > FAR).map(|(pixel, _)| pixel as u32).collect()
+}
+
+impl LossValues {
+    fn first_not_finite(&self) -> Option<(&'static str, f64)> {
+        [
+            ("l_gt", self.ground_truth),
+            ("1 - SSIM", self.ssim),
+            ("l_gradient", self.gradient),
+            ("l_sketch", self.sketch),
+            ("l_smooth", self.smooth),
+            ("l_further", self.further),
+        ]
+        .into_iter()
+        .find(|(_, value)| !value.is_finite())
+    }
+}

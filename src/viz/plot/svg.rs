@@ -1,0 +1,66 @@
+//! A finished vector drawing.
+
+use super::super::picture::write_whole;
+use crate::error::Result;
+use std::path::Path;
+
+/// A drawing of `width` x `height` pixels at its natural size, with a description for those who cannot see it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Svg {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Drawing units a pixel.
+    pub(super) fineness: u32,
+    /// The elements inside `<svg>`.
+    pub(super) body: String,
+    /// Plain text: what is drawn.
+    pub(super) description: String,
+}
+
+impl Svg {
+    /// Natural (width, height) in pixels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// What is drawn, as plain text.
+    #[must_use]
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
+    /// The drawing as a part of an HTML page: as wide as the page allows, up to its natural size.
+    #[must_use]
+    pub fn inline(&self) -> String {
+        self.element("class=\"plot\"")
+    }
+
+    /// The drawing as a file of its own.
+    #[must_use]
+    pub fn standalone(&self) -> String {
+        let element = self.element("xmlns=\"http://www.w3.org/2000/svg\"");
+        format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{element}\n")
+    }
+
+    /// Writes the drawing as a file of its own: whole or not at all.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_whole(path, self.standalone().as_bytes())
+    }
+
+    fn element(&self, attributes: &str) -> String {
+        format!(
+            "<svg {attributes} width=\"{}\" height=\"{}\" viewBox=\"0 0 {} {}\" role=\"img\" \
+             aria-label=\"{}\">\n{}</svg>",
+            self.width,
+            self.height,
+            self.width * self.fineness,
+            self.height * self.fineness,
+            super::super::report::escape(&self.description),
+            self.body,
+        )
+    }
+}

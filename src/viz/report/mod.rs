@@ -1,0 +1,11 @@
+//! A report in one HTML file that needs nothing else: styles inlined, pictures as data, no script, no network.
+
+mod builder;
+mod figure;
+mod markup;
+mod table;
+
+pub use builder::Report;
+pub use figure::{Drawing, Figure};
+pub use markup::escape;
+pub use table::{Best, Column, Entry, Table};
