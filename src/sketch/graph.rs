@@ -6,7 +6,8 @@
 //! Drawn lines have no flow, so the order is counted towards a root: of each connected network, the lowest end of a
 //! valley network and the highest end of a ridge network (a ridge is a valley of -z). Where a network has rings, the
 //! tree grows from the root over the lowest (ridges: highest) next point, and each line that would close a ring counts
-//! as a tributary of order 1 where it meets the point nearer to the root. Cost: m log m in the number of lines.
+//! as a tributary of order 1 where it meets the point nearer to the root; not so a line shorter than five cells (the
+//! paper's shortest part), because strokes that meet at a sharp angle leave such eyelets on the raster. Cost: m log m in the number of lines.
 
 use super::chains::{Chain, Links};
 use super::{LineMap, Sketch, StrokeKind};
@@ -226,6 +227,7 @@ fn order_lines(
     }
 
     // Against that order, every tributary of a node has its order before the node's own outlet asks for it.
+    const SHORTEST_TO_CLOSE_A_RING: f64 = 5.0;
     let mut streams = Vec::new();
     let mut count_stream = |order: u32| {
         let index = order as usize - 1;
@@ -235,13 +237,18 @@ fn order_lines(
     for &node in taken.iter().rev() {
         let own = outlet[node.index()];
         let mut tributaries: Vec<(EdgeIndex, u32)> = Vec::new();
+        let mut eyelets = Vec::new();
         for edge in graph.edges(node) {
             let other = if edge.source() == node { edge.target() } else { edge.source() };
             let arrives = place[other.index()] >= place[node.index()] && Some(edge.id()) != own;
             if arrives && !tributaries.iter().any(|&(id, _)| id == edge.id()) {
                 // A line that closes a ring has no order yet: it begins here.
                 let closes = outlet[other.index()] != Some(edge.id());
-                tributaries.push((edge.id(), if closes { 1 } else { edge.weight().order }));
+                if closes && other != node && edge.weight().length < SHORTEST_TO_CLOSE_A_RING {
+                    eyelets.push(edge.id());
+                } else {
+                    tributaries.push((edge.id(), if closes { 1 } else { edge.weight().order }));
+                }
             }
         }
         let highest = tributaries.iter().map(|t| t.1).max().unwrap_or(0);
@@ -253,6 +260,9 @@ fn order_lines(
             if own.is_none() || order != tributary {
                 count_stream(tributary);
             }
+        }
+        for id in eyelets {
+            graph[id].order = 1;
         }
         if let Some(own) = own {
             graph[own].order = order;
@@ -314,6 +324,23 @@ mod tests {
         strokes.push(&[(32.0, 50.0, 1.0), (12.0, 50.0, 5.0)]);
         let graph = sketch(StrokeKind::Valley, &strokes);
         assert_eq!(graph.stream_counts(StrokeKind::Valley), [5, 2, 1], "both trunk lines are one stream");
+    }
+
+    #[test]
+    fn the_eyelet_of_a_sharp_confluence_is_no_tributary() {
+        let mut lines = LineMap::empty(8, 24);
+        let main = (0..=20).map(|col| (5, col));
+        let brook = [(0, 10), (1, 10), (2, 10), (3, 10), (4, 9), (3, 11), (4, 12)];
+        for (row, col) in main.chain(brook) {
+            lines.set(Cell::new(row, col), StrokeKind::Valley, 100.0 - row as f32 - col as f32);
+        }
+        let graph = SketchGraph::of(&lines);
+        assert_eq!(graph.graph().edge_count(), 6, "the eyelet is on the graph");
+        assert_eq!(
+            graph.stream_counts(StrokeKind::Valley),
+            [2, 1],
+            "a source, a brook, and what they become"
+        );
     }
 
     #[test]
