@@ -23,3 +23,8 @@ pub mod experiment;
 pub mod cli;
 
 pub use error::{Error, Result};
+
+/// The examples of the README, compiled and run as doctests.
+#[doc = include_str!("../README.md")]
+#[cfg(doctest)]
+pub struct ReadmeExamples;

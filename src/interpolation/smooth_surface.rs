@@ -69,13 +69,11 @@ mod tests {
         let (rows, cols) = known.shape();
         let n = rows * cols;
         let mut laplacian = vec![vec![0.0_f64; n]; n];
-        for i in 0..n {
-            let (r, c) = (i / cols, i % cols);
-            for j in 0..n {
-                if r.abs_diff(j / cols) + c.abs_diff(j % cols) == 1 {
-                    laplacian[i][j] -= 1.0;
-                    laplacian[i][i] += 1.0;
-                }
+        for (i, row) in laplacian.iter_mut().enumerate() {
+            let adjacent = |j: &usize| (i / cols).abs_diff(j / cols) + (i % cols).abs_diff(j % cols) == 1;
+            for j in (0..n).filter(adjacent) {
+                row[j] -= 1.0;
+                row[i] += 1.0;
             }
         }
         let mut a = laplacian.clone();
@@ -96,14 +94,11 @@ mod tests {
             let pivot = (k..n).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs())).unwrap();
             a.swap(k, pivot);
             x.swap(k, pivot);
-            for i in k + 1..n {
-                let factor = a[i][k] / a[k][k];
-                if factor != 0.0 {
-                    for j in k..n {
-                        a[i][j] -= factor * a[k][j];
-                    }
-                    x[i] -= factor * x[k];
-                }
+            let (above, below) = a.split_at_mut(k + 1);
+            for (i, row) in below.iter_mut().enumerate().filter(|(_, row)| row[k] != 0.0) {
+                let factor = row[k] / above[k][k];
+                row.iter_mut().zip(&above[k]).skip(k).for_each(|(entry, pivot)| *entry -= factor * pivot);
+                x[k + 1 + i] -= factor * x[k];
             }
         }
         for k in (0..n).rev() {

@@ -280,9 +280,8 @@ impl Cholesky {
         for j in 0..n {
             for k in 0..j {
                 let a_jk = a[j][k];
-                for i in j..n {
-                    let a_ik = a[i][k];
-                    a[i][j] -= a_ik * a_jk;
+                for row in &mut a[j..] {
+                    row[j] -= row[k] * a_jk;
                 }
             }
             // Rounding may leave nothing of a dependent direction.
@@ -313,5 +312,107 @@ impl Cholesky {
             out.iter_mut().zip(&x[row * cols..]).for_each(|(out, &x)| *out = T::of(x));
             0.0
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::interpolation::multigrid::plane::{dot, sum_rows};
+
+    const SIDES: [(usize, usize); 6] = [(1, 9), (9, 1), (12, 17), (13, 8), (40, 21), (33, 64)];
+
+    /// Numbers without a pattern, from -1 to 1, by cell and seed.
+    fn scatter(rows: usize, cols: usize, seed: usize) -> Plane<f64> {
+        Plane::from_fn(rows, cols, |r, c| {
+            let mixed = (r * 7919 + c * 104_729 + seed * 1_299_709 + 12_345) as u64;
+            (mixed.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / (1u64 << 23) as f64 - 1.0
+        })
+    }
+
+    /// About a tenth of the cells known, at least one.
+    fn free(rows: usize, cols: usize) -> Plane<f64> {
+        let draw = scatter(rows, cols, 99);
+        Plane::from_fn(rows, cols, |r, c| f64::from(u8::from(draw.row(r)[c] > -0.8 && (r, c) != (0, 0))))
+    }
+
+    fn inner(a: &Plane<f64>, b: &Plane<f64>) -> f64 {
+        sum_rows(a.rows(), |row| dot(a.row(row), b.row(row)))
+    }
+
+    fn masked(plane: &Plane<f64>, free: &Plane<f64>) -> Plane<f64> {
+        Plane::from_fn(plane.rows(), plane.cols(), |r, c| plane.row(r)[c] * free.row(r)[c])
+    }
+
+    /// The coarse plane carried to the raster of `free`.
+    fn carried(coarse: &Plane<f64>, free: &Plane<f64>) -> Plane<f64> {
+        let mut level = Level::new(Operator::Raster(Energy::Membrane, free.clone()));
+        level.add_from(coarse);
+        level.answer
+    }
+
+    #[test]
+    fn restriction_is_the_transpose_of_carrying_up() {
+        for (rows, cols) in SIDES {
+            let free = free(rows, cols);
+            let coarse = scatter(coarser(rows), coarser(cols), 1);
+            let fine = masked(&scatter(rows, cols, 2), &free);
+            let mut restricted = Plane::zeros(coarser(rows), coarser(cols));
+            restrict(&fine, &mut restricted);
+            let (up, down) = (inner(&carried(&coarse, &free), &fine), inner(&coarse, &restricted));
+            assert!((up - down).abs() < 1e-12 * (1.0 + up.abs()), "{rows}x{cols}: {up} and {down}");
+        }
+    }
+
+    #[test]
+    fn coarse_operators_are_galerkin_products() {
+        for energy in [Energy::Membrane, Energy::Plate] {
+            for (rows, cols) in SIDES {
+                let free = free(rows, cols);
+                let coarse = scatter(coarser(rows), coarser(cols), 3);
+                let stencils = Stencils::galerkin(&Finer::Raster(energy, &free));
+                let up = carried(&coarse, &free);
+                let mut bent = Plane::zeros(rows, cols);
+                bent.sweep(|row, out| {
+                    energy.apply_row(&up, row, free.row(row), out);
+                    0.0
+                });
+                let mut want = Plane::zeros(coarser(rows), coarser(cols));
+                restrict(&bent, &mut want);
+                for row in 0..want.rows() {
+                    let mut got = vec![0.0; want.cols()];
+                    stencils.apply_row(&coarse, row, &mut got);
+                    for (got, want) in got.iter().zip(want.row(row)) {
+                        assert!((got - want).abs() < 1e-12 * 64.0, "{energy:?} {rows}x{cols}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_cycle_is_symmetric_positive_and_nearly_the_inverse() {
+        for (energy, weakest) in [(Energy::Membrane, 0.7), (Energy::Plate, 0.05)] {
+            for (rows, cols) in SIDES {
+                let free = free(rows, cols);
+                let mut cycle = Cycle::<f64>::new(energy, free.clone());
+                let mut apply = |b: &Plane<f64>| {
+                    *cycle.right_side_mut() = b.clone();
+                    cycle.run().clone()
+                };
+                let (u, v) = (masked(&scatter(rows, cols, 4), &free), masked(&scatter(rows, cols, 5), &free));
+                let (mu, mv) = (apply(&u), apply(&v));
+                let (there, back) = (inner(&u, &mv), inner(&v, &mu));
+                assert!((there - back).abs() < 1e-9 * inner(&u, &mu), "{energy:?} {rows}x{cols}");
+                // The operator after the cycle: its Rayleigh quotient lies between `weakest` and a little over 1.
+                let mut amu = Plane::zeros(rows, cols);
+                amu.sweep(|row, out| {
+                    energy.apply_row(&mu, row, free.row(row), out);
+                    0.0
+                });
+                let quotient = inner(&mu, &amu) / inner(&u, &mu);
+                assert!((weakest..1.0 + 1e-6).contains(&quotient), "{energy:?} {rows}x{cols}: {quotient}");
+            }
+        }
     }
 }
