@@ -1,6 +1,6 @@
 //! The fused pass against the literal one, gradients, and independence of the number of threads.
 
-use super::config::{Kernel, Pooling, RegionGnnConfig};
+use super::config::{EdgeGeometry, Kernel, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::network::Network;
 use super::train::{LineFrame, Prepared};
@@ -55,10 +55,10 @@ fn relative(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn fused_equals_plain_forward_and_backward() {
-    let literal = RegionGnnConfig { pooling: Pooling::Sum, ..RegionGnnConfig::paper() };
+    let bare = RegionGnnConfig { geometry: EdgeGeometry::Projection, normalize: false, ..RegionGnnConfig::paper() };
     let wide = RegionGnnConfig { width: 64, ..RegionGnnConfig::default() };
     let narrow = RegionGnnConfig { width: 16, iterations: 3, ..RegionGnnConfig::default() };
-    for base in [RegionGnnConfig::default(), RegionGnnConfig::paper(), literal, wide, narrow] {
+    for base in [RegionGnnConfig::default(), RegionGnnConfig::paper(), bare, wide, narrow] {
         let config = config(base);
         let (fused, plain) = (run(&config, Kernel::Fused), run(&config, Kernel::Plain));
         assert!(relative(&fused.0, &plain.0) < 1e-5, "{}", relative(&fused.0, &plain.0));
