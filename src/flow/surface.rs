@@ -156,4 +156,14 @@ mod tests {
         let flats = surface.flats().unwrap();
         assert!(flats[Cell::new(3, 3)] && !flats[Cell::new(2, 4)]);
     }
+
+    #[test]
+    fn a_void_is_no_part_of_a_flat() {
+        // As in a DEM at sea level, whose voids hold 0 too.
+        let z = Grid::filled(7, 7, 0.0f32);
+        let valid = Grid::from_fn(7, 7, |c| c != Cell::new(3, 3));
+        let flats = Surface::new(z, valid).unwrap().flats().unwrap();
+        assert!(flats[Cell::new(1, 1)]);
+        assert!(!flats[Cell::new(2, 2)] && !flats[Cell::new(3, 3)] && !flats[Cell::new(3, 4)]);
+    }
 }

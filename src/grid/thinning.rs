@@ -32,6 +32,7 @@ pub fn thin(mask: &Mask) -> Mask {
             candidates.extend(list.iter().copied().filter(|&i| {
                 on[i] && !on[i.wrapping_add_signed(ring[side])] && REDUNDANT[pattern(&on, i, &ring)]
             }));
+            // Rosenfeld proved that one side's candidates may even go together; asking again needs no proof.
             for &i in &candidates {
                 if REDUNDANT[pattern(&on, i, &ring)] {
                     on[i] = false;
