@@ -24,7 +24,6 @@
 //! Nothing is reprojected.
 
 mod features;
-mod files;
 mod member;
 mod reading;
 #[cfg(test)]

@@ -3,10 +3,11 @@
 //! Cost: linear in the text; the JSON tree takes about twenty times its size while it is read.
 
 use super::features::{RawLine, lines_of};
-use super::files::read_whole;
+
 use super::member::{HeightUnit, MapMember, NamedSystem, system_of};
 use crate::dem::Georeference;
 use crate::error::{Error, Result};
+use crate::file::read_whole;
 use crate::sketch::{Sketch, Stroke};
 use serde_json::{Map, Value};
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! [`Sketch`] -> GeoJSON, one feature a line of text.
 
-use super::files::write_atomically;
 use super::member::{HeightUnit, KEY, MapMember, crs_member};
 use crate::dem::Georeference;
 use crate::error::{Error, Result};
+use crate::file::write_atomically;
 use crate::sketch::{Sketch, Stroke, StrokeKind};
 use ::geojson::{Feature, Geometry, JsonObject};
 use std::io::Write as _;
