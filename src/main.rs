@@ -1,3 +1,7 @@
-//! The command line: parse, call, print the error.
+//! The program: hands its arguments to [`monadnock::cli`].
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    monadnock::cli::run(std::env::args_os())
+}
