@@ -1,4 +1,4 @@
-//! The `monadnock` command.
+//! The program: hands its arguments to [`monadnock::cli`].
 
 use std::process::ExitCode;
 

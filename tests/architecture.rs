@@ -19,7 +19,7 @@ const SHARED_BY_SYSTEMS: &str = "task";
 /// Files of `systems` that may know several systems.
 const KNOW_ALL_SYSTEMS: [&str; 2] = ["registry", "pipeline"];
 /// Places that open files themselves. The last two do on their own what `file` does; take them off when they call it.
-const OPEN_FILES: [&str; 4] = ["file", "cli", "sketch::geojson::files", "viz::picture"];
+const OPEN_FILES: [&str; 3] = ["file", "machine", "cli"];
 /// Rooms that print.
 const PRINT: [&str; 1] = ["cli"];
 /// Names that say nothing.

@@ -1,138 +1,248 @@
-//! Arguments that several verbs share.
+//! Arguments that several verbs share, and how their values are written.
 
 use crate::dem::io::{self, Description, Nodata, ReadOptions};
 use crate::dem::{CellSize, Dem, Normalization, bundled};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::grid::Cell;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-/// A DEM and what its file may not say.
-#[derive(Clone, Debug, clap::Args)]
+// The structs that are flattened into verbs have no doc comments: clap would take them for the verb's description.
+
+// A terrain argument with everything that may have to be said about the file.
+#[derive(clap::Args, Clone, Debug)]
 pub(super) struct DemInput {
-    /// The DEM: GeoTIFF, SRTM .hgt, ASCII grid, 16-bit PNG or .npy; or a bundled tile: sierra, grand-canyon
+    /// Terrain file, or the name of terrain that comes with the program (sierra, grand-canyon)
     #[arg(value_name = "DEM")]
     pub(super) dem: PathBuf,
-    /// PNG: elevations in metres of black and white
-    #[arg(long = "png-elevation", value_name = "MIN,MAX", value_parser = Pair::from_str)]
-    elevation: Option<Pair>,
-    /// Cell size on the ground in metres, one side or X,Y; overrules the file
-    #[arg(long, value_name = "M", value_parser = cell_size)]
-    cell_size: Option<CellSize>,
-    /// Stored number that means "no height"; `none` for none
-    #[arg(long, value_name = "V", value_parser = nodata, allow_hyphen_values = true)]
-    nodata: Option<Nodata>,
-    /// GeoTIFF: the band to read, counted from 1
-    #[arg(long, value_name = "N")]
-    band: Option<usize>,
+    #[command(flatten)]
+    pub(super) reading: DemReading,
 }
 
 impl DemInput {
-    /// Reads the file, or takes the bundled tile of that name when there is no such file.
+    /// The terrain.
+    ///
+    /// # Errors
+    /// As [`DemReading::read`].
     pub(super) fn load(&self) -> Result<Dem> {
-        Ok(self.describe()?.0)
+        self.reading.read(&self.dem).map(|(dem, _)| dem)
     }
+}
 
-    /// As [`load`](Self::load), with what the file says of itself; nothing for a bundled tile.
-    pub(super) fn describe(&self) -> Result<(Dem, Option<Description>)> {
-        if let Some(name) = bundled_name(&self.dem) {
-            return Ok((bundled::load(name)?, None));
-        }
-        let elevation = match self.elevation {
-            Some(Pair(low, high)) => Some(Normalization::new(low, high)?),
-            None => None,
-        };
-        let options = ReadOptions {
-            elevation,
+// What the file itself may leave open.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Reading terrain")]
+pub(super) struct DemReading {
+    /// Elevations of black and white, metres: needed for PNG files of other programs
+    #[arg(long, value_name = "MIN,MAX", value_parser = elevation, allow_hyphen_values = true)]
+    elevation: Option<Normalization>,
+    /// Cell size on the ground, metres: one side, or west-east and north-south; overrules the file
+    #[arg(long, value_name = "M[,M]", value_parser = cell_size, allow_hyphen_values = true)]
+    cell_size: Option<CellSize>,
+    /// The stored number that means "no height here", or `none`; overrules the file
+    #[arg(long, value_name = "V", value_parser = nodata, allow_hyphen_values = true)]
+    nodata: Option<Nodata>,
+    /// Band of a GeoTIFF with several, counted from 1
+    #[arg(long, value_name = "N")]
+    band: Option<usize>,
+    /// Metres in one unit of the stored heights (0.3048 for feet); overrules the file
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    metres_per_unit: Option<f64>,
+}
+
+impl DemReading {
+    /// The options for the reader.
+    pub(super) fn options(&self) -> ReadOptions {
+        ReadOptions {
+            elevation: self.elevation,
             cell_size: self.cell_size,
             band: self.band,
             nodata: self.nodata.unwrap_or_default(),
-            ..Default::default()
-        };
-        let (dem, description) = io::read_described(&self.dem, &options)?;
-        Ok((dem, Some(description)))
+            metres_per_unit: self.metres_per_unit,
+        }
     }
 
-    /// File name without its folder, or the bundled name.
-    pub(super) fn name(&self) -> String {
-        self.dem.file_name().unwrap_or(self.dem.as_os_str()).to_string_lossy().into_owned()
-    }
-}
-
-/// The bundled tile that a path means: one of their names, when no such file exists.
-pub(super) fn bundled_name(path: &Path) -> Option<&'static str> {
-    if path.exists() { None } else { bundled::names().find(|name| Path::new(name) == path) }
-}
-
-/// Two numbers with a comma between them.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pair(f64, f64);
-
-impl FromStr for Pair {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Option<Vec<f64>> = text.split(',').map(|s| s.trim().parse().ok()).collect();
-        match numbers.as_deref() {
-            Some(&[a, b]) => Ok(Self(a, b)),
-            _ => Err("allowed: two numbers with a comma between them".to_owned()),
+    /// The terrain in the file `dem`, or when there is no such file the bundled terrain of that name.
+    ///
+    /// # Errors
+    /// As [`io::read`]; a name that is neither file nor bundled terrain.
+    pub(super) fn read(&self, dem: &Path) -> Result<(Dem, Description)> {
+        match bundled_name(dem) {
+            Some(name) => bundled::read(name, &self.options()),
+            None if !dem.exists() => Err(no_such_terrain(dem)),
+            None => io::read_described(dem, &self.options()),
         }
     }
 }
 
-/// MIN,MAX in metres.
-pub(super) fn elevation(pair: Pair) -> Result<Normalization> {
-    Normalization::new(pair.0, pair.1)
+/// The bundled terrain that a terrain argument means: a file of the same name comes first.
+pub(super) fn bundled_name(dem: &Path) -> Option<&'static str> {
+    let name = dem.to_str().filter(|_| !dem.exists())?;
+    bundled::names().find(|known| *known == name)
 }
 
-fn cell_size(text: &str) -> Result<CellSize, String> {
-    let Pair(x, y) = if text.contains(',') { text.parse()? } else { format!("{text},{text}").parse()? };
-    CellSize::new(x, y).map_err(|e| e.to_string())
+/// The name that stands for `dem` in reports and pictures: a file's name without extension.
+pub(super) fn terrain_name(dem: &Path) -> String {
+    dem.file_stem().unwrap_or(dem.as_os_str()).to_string_lossy().into_owned()
 }
 
-fn nodata(text: &str) -> Result<Nodata, String> {
-    if text == "none" {
-        return Ok(Nodata::None);
+fn no_such_terrain(dem: &Path) -> Error {
+    let known: Vec<_> = bundled::names().collect();
+    let allowed = format!("allowed: a terrain file, or the name of bundled terrain ({})", known.join(", "));
+    Error::file(dem, "file", "not there", allowed)
+}
+
+// A window of the terrain.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub(super) struct CropOption {
+    /// Only this window of the terrain: row and column of its north-west cell (from 0), then its side or ROWSxCOLS
+    #[arg(long = "crop", value_name = "ROW,COL,SIZE")]
+    pub(super) window: Option<Window>,
+}
+
+impl CropOption {
+    /// The window of `dem`, or all of it.
+    pub(super) fn window_of(self, dem: &Dem) -> Window {
+        let (rows, cols) = dem.shape();
+        self.window.unwrap_or(Window { origin: Cell::new(0, 0), rows, cols })
     }
-    text.parse().map(Nodata::Value).map_err(|_| "allowed: a number, or none".to_owned())
+
+    /// What the window shows of `dem`.
+    ///
+    /// # Errors
+    /// When the window reaches past the frame or holds voids only.
+    pub(super) fn apply(self, dem: Dem) -> Result<Dem> {
+        match self.window {
+            None => Ok(dem),
+            Some(w) => dem.crop(w.origin, w.rows, w.cols).map_err(|e| name_option(e, "--crop")),
+        }
+    }
 }
 
-/// A piece of a raster: ROW,COL,SIZE with SIZE one side or ROWSxCOLS.
+/// The same complaint about a value, saying which option it came from.
+fn name_option(error: Error, option: &str) -> Error {
+    match error {
+        Error::Value { name, value, allowed } => {
+            Error::Value { name: format!("{name} (of {option})"), value, allowed }
+        }
+        other => other,
+    }
+}
+
+/// A rectangle of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Window {
+    /// Its north-west cell.
     pub(super) origin: Cell,
+    /// Rows, at least 1.
     pub(super) rows: usize,
+    /// Columns, at least 1.
     pub(super) cols: usize,
 }
 
-impl FromStr for Window {
+impl std::str::FromStr for Window {
     type Err = String;
+
+    /// `ROW,COL,SIZE` or `ROW,COL,ROWSxCOLS`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let allowed = || "allowed: ROW,COL,SIZE, SIZE one side or ROWSxCOLS, such as 128,256,128".to_owned();
-        let fields: Vec<&str> = text.split(',').map(str::trim).collect();
-        let &[row, col, size] = fields.as_slice() else { return Err(allowed()) };
-        let number = |s: &str| s.trim().parse::<usize>().map_err(|_| allowed());
-        let (rows, cols) = match size.split_once(['x', 'X']) {
-            Some((rows, cols)) => (number(rows)?, number(cols)?),
-            None => (number(size)?, number(size)?),
-        };
-        if rows == 0 || cols == 0 {
-            return Err(allowed());
-        }
+        let allowed =
+            || "allowed: ROW,COL,SIZE or ROW,COL,ROWSxCOLS, as in 0,128,256 or 0,128,256x512".to_owned();
+        let fields: Vec<&str> = text.split(',').collect();
+        let [row, col, side] = fields[..] else { return Err(allowed()) };
+        let number = |text: &str| text.trim().parse::<usize>().map_err(|_| allowed());
+        let (rows, cols) = size(side).map_err(|_| allowed())?;
         Ok(Self { origin: Cell::new(number(row)?, number(col)?), rows, cols })
     }
 }
 
-impl Window {
-    /// The piece of a DEM.
-    pub(super) fn crop(self, dem: &Dem) -> Result<Dem> {
-        dem.crop(self.origin, self.rows, self.cols).map_err(|e| {
-            Error::value(
-                "--crop",
-                format!("{},{},{}x{}", self.origin.row, self.origin.col, self.rows, self.cols),
-                e.to_string(),
-            )
-        })
+impl std::fmt::Display for Window {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{} at row {}, column {}", self.rows, self.cols, self.origin.row, self.origin.col)
     }
+}
+
+/// `N` or `ROWSxCOLS`, at least 1 each: (rows, columns).
+///
+/// # Errors
+/// Says what is allowed.
+pub(super) fn size(text: &str) -> Result<(usize, usize), String> {
+    let (rows, cols) = text.split_once(['x', 'X']).unwrap_or((text, text));
+    match (rows.trim().parse(), cols.trim().parse()) {
+        (Ok(rows), Ok(cols)) if rows > 0 && cols > 0 => Ok((rows, cols)),
+        _ => Err("allowed: a side or ROWSxCOLS, at least 1 each, as in 256 or 256x512".to_owned()),
+    }
+}
+
+/// `MIN,MAX` in metres.
+///
+/// # Errors
+/// Says what is allowed.
+pub(super) fn elevation(text: &str) -> Result<Normalization, String> {
+    let allowed = "allowed: MIN,MAX in metres, the lower one first, as in -50,2400";
+    let (low, high) = text.split_once(',').ok_or(allowed)?;
+    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| allowed);
+    Ok(Normalization::new(number(low)?, number(high)?).map_err(|_| allowed)?)
+}
+
+fn cell_size(text: &str) -> Result<CellSize, String> {
+    let allowed = "allowed: metres above 0, one side or two, as in 30 or 24.2,30.9";
+    let (x, y) = text.split_once(',').unwrap_or((text, text));
+    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| allowed);
+    Ok(CellSize::new(number(x)?, number(y)?).map_err(|_| allowed)?)
+}
+
+fn nodata(text: &str) -> Result<Nodata, String> {
+    if text.eq_ignore_ascii_case("none") {
+        return Ok(Nodata::None);
+    }
+    text.trim().parse().map(Nodata::Value).map_err(|_| "allowed: a number or `none`".to_owned())
+}
+
+/// Refuses an output file that could never be written, before the work rather than after it.
+///
+/// # Errors
+/// When the folder of `path` does not exist, or `path` is a folder.
+pub(super) fn check_output(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    if path.is_dir() {
+        return Err(Error::file(path, "kind of output", "a folder", "allowed: a file"));
+    }
+    match folder {
+        Some(folder) if !folder.is_dir() => Err(Error::file(
+            path,
+            "folder",
+            format!("{} (not there)", folder.display()),
+            "allowed: an existing one",
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The largest configuration file that is read, bytes.
+const LARGEST_CONFIG: u64 = 1 << 20;
+
+/// The text of a TOML file as a table.
+///
+/// # Errors
+/// When the file cannot be read or is not TOML.
+pub(super) fn read_toml(path: &Path) -> Result<toml::Table> {
+    let bytes = file::read_whole(path, LARGEST_CONFIG)?;
+    let text =
+        String::from_utf8(bytes).map_err(|e| Error::file(path, "text", e, "allowed: TOML in UTF-8"))?;
+    text.parse().map_err(|e: toml::de::Error| config_error(path, &e))
+}
+
+/// What a configuration file says, as a `T`.
+///
+/// # Errors
+/// When the file has a field that `T` does not know, or a value of the wrong kind.
+pub(super) fn config_of<T: serde::de::DeserializeOwned>(path: &Path, table: toml::Table) -> Result<T> {
+    table.try_into().map_err(|e| config_error(path, &e))
+}
+
+fn config_error(path: &Path, error: &toml::de::Error) -> Error {
+    let found = error.to_string().trim_end().to_owned();
+    Error::file(path, "configuration", "not understood", format!("the reader says: {found}"))
 }
 
 #[cfg(test)]
@@ -140,12 +250,39 @@ mod tests {
     use super::*;
 
     #[test]
-    fn windows_are_parsed_and_bad_ones_refused() {
-        let window: Window = "3, 4,5x6".parse().unwrap();
-        assert_eq!(window, Window { origin: Cell::new(3, 4), rows: 5, cols: 6 });
-        assert_eq!("0,0,128".parse::<Window>().unwrap().cols, 128);
-        for bad in ["", "1,2", "1,2,0", "1,2,3,4", "-1,2,3", "a,b,c", "1,2,3x"] {
-            assert!(bad.parse::<Window>().is_err(), "{bad}");
+    fn windows_are_read_in_both_spellings() {
+        let window = |text: &str| text.parse::<Window>();
+        let cell = Cell::new(3, 40);
+        assert_eq!(window("3,40,128"), Ok(Window { origin: cell, rows: 128, cols: 128 }));
+        assert_eq!(window(" 3, 40, 128x64"), Ok(Window { origin: cell, rows: 128, cols: 64 }));
+        for bad in ["", "3,40", "3,40,0", "3,40,5x", "-1,0,5", "3,40,5,6", "a,b,c", "3,40,1.5"] {
+            assert!(window(bad).unwrap_err().contains("ROWSxCOLS"), "{bad}");
         }
+    }
+
+    #[test]
+    fn elevations_cell_sizes_and_nodata_are_checked() {
+        assert_eq!(elevation("-50, 2400").unwrap(), Normalization::new(-50.0, 2400.0).unwrap());
+        for bad in ["5", "9,3", "3,3", "nan,3", "1,inf", "1,2,3"] {
+            assert!(elevation(bad).unwrap_err().contains("MIN,MAX"), "{bad}");
+        }
+        assert_eq!(cell_size("30").unwrap(), CellSize::square(30.0).unwrap());
+        assert_eq!(cell_size("24.2,30.9").unwrap(), CellSize::new(24.2, 30.9).unwrap());
+        for bad in ["0", "-3", "nan", "x", "3,0"] {
+            assert!(cell_size(bad).unwrap_err().contains("metres"), "{bad}");
+        }
+        assert_eq!(nodata("none"), Ok(Nodata::None));
+        assert_eq!(nodata("-9999"), Ok(Nodata::Value(-9999.0)));
+        assert!(nodata("void").is_err());
+    }
+
+    #[test]
+    fn outputs_that_cannot_be_written_are_refused_beforehand() {
+        let folder = tempfile::tempdir().unwrap();
+        check_output(&folder.path().join("a.png")).unwrap();
+        check_output(Path::new("a.png")).unwrap();
+        assert!(check_output(folder.path()).unwrap_err().to_string().contains("a folder"));
+        let missing = check_output(&folder.path().join("no/a.png")).unwrap_err().to_string();
+        assert!(missing.contains("a.png") && missing.contains("not there"), "{missing}");
     }
 }

@@ -1,22 +1,25 @@
-//! `monadnock completions`: what a shell needs to complete our arguments.
+//! `completions`: prints what a shell needs to complete our command lines.
 
-use super::console::Context;
+use super::Context;
 use crate::error::Result;
+use clap_complete::Shell;
 
-/// Arguments of `completions`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+const EXAMPLES: &str = "\
+Examples:
   monadnock completions bash > ~/.local/share/bash-completion/completions/monadnock
-  monadnock completions fish > ~/.config/fish/completions/monadnock.fish")]
+  monadnock completions zsh > ~/.zfunc/_monadnock
+  monadnock completions fish > ~/.config/fish/completions/monadnock.fish";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct CompletionsArgs {
     /// The shell
-    shell: clap_complete::Shell,
+    shell: Shell,
 }
 
-/// Runs the verb.
-pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command, context: &Context) -> Result<()> {
-    let mut text = Vec::new();
-    clap_complete::generate(args.shell, &mut command, "monadnock", &mut text);
-    context.console.output(String::from_utf8_lossy(&text).trim_end());
+pub(super) fn run(args: &CompletionsArgs, command: &mut clap::Command, context: &Context) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(args.shell, command, super::PROGRAM, &mut script);
+    context.console.result(String::from_utf8_lossy(&script));
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! `monadnock eval`: every system rebuilds every patch of a DEM from its own lines.
 
+use super::Context;
 use super::args::DemInput;
-use super::console::Context;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
@@ -86,7 +86,7 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
     let progress = context.console.progress(origins.len() as u64, "patches");
     let keep = args.save.is_some();
     let evaluation = evaluate(&dem, &origins, &systems, &config, context.seed, keep, || progress.advance(1))?;
-    progress.finish();
+    drop(progress);
     if let Some(path) = &args.csv {
         file::write_bytes(path, to_csv(&evaluation.rows).as_bytes())?;
     }
@@ -102,7 +102,7 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
     context.console.line(table(&aggregate(&evaluation.rows)));
     for row in evaluation.rows.iter().filter(|row| row.error.is_some()) {
         let error = row.error.as_deref().unwrap_or_default();
-        context.console.warn(format!("patch {},{}, {}: {error}", row.row, row.col, row.system));
+        context.console.warning(format!("patch {},{}, {}: {error}", row.row, row.col, row.system));
     }
     Ok(())
 }

@@ -1,82 +1,122 @@
-//! `monadnock extract`: ridges and valleys of a DEM as a sketch.
+//! `extract`: terrain to the sketch that a hand would draw of it.
 
-use super::args::{DemInput, Window};
-use super::console::Context;
+use super::args::{self, CropOption, DemInput};
+use super::{Context, info};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::extract::{self, ExtractionConfig};
+use crate::extract::{ExtractionConfig, crop_lines, ridges_and_valleys};
 use crate::sketch::geojson::{self, HeightUnit};
-use crate::sketch::{PartLengths, Sketch, StrokeKind, split_parts};
-use std::path::PathBuf;
+use crate::sketch::{LineMap, PartLengths, Sketch, split_parts};
+use std::path::{Path, PathBuf};
 
-/// Arguments of `extract`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  monadnock extract sierra -o sierra.geojson --crop 128,128,128
-  monadnock extract alps.tif -o main-lines.geojson --min-order 4
-  monadnock extract alps.tif -o patch.geojson --crop 128,128,128 --with-context
+const EXAMPLES: &str = "\
+Examples:
+  monadnock extract sierra -o sketch.geojson
+  monadnock extract alps.tif --crop 512,512,128 --with-context -o patch.geojson
+  monadnock extract N46E007.hgt --accumulation 100 --min-order 3 -o main-lines.geojson
+  monadnock extract heights.png --elevation 300,2100 --cell-size 30 -o sketch.geojson
 
-Heights are metres. The sketch is georeferenced when the DEM is, else in cells from the north-west corner.")]
+The sketch holds heights in metres. Its coordinates are those of the terrain's coordinate system when the terrain has
+one, else columns and rows. A configuration file names what it changes (TOML), at its top or in a section [extraction]:
+  smoothing = 0.7          # cells
+  routing = \"least-cost\"   # or \"filled\"
+  margin = 32              # cells
+  min_accumulation = 12    # cells
+  min_order = 2
+  closing = 1              # cells
+  min_length = 10          # cells
+  gradient_quantile = 0.01";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct ExtractArgs {
     #[command(flatten)]
-    dem: DemInput,
-    /// The sketch to write
-    #[arg(short, long, value_name = "S.geojson")]
+    input: DemInput,
+    /// The sketch to write (GeoJSON)
+    #[arg(short, long, value_name = "SKETCH")]
     output: PathBuf,
-    /// Only this window
-    #[arg(long, value_name = "ROW,COL,SIZE")]
-    crop: Option<Window>,
-    /// With --crop: find the lines on the whole DEM, then cut the window out
-    #[arg(long, requires = "crop")]
+    #[command(flatten)]
+    crop: CropOption,
+    /// Find the lines of the whole terrain first and cut the window out then: they reach its frame, and water from outside
+    /// counts
+    #[arg(long, requires = "window")]
     with_context: bool,
-    /// Fewest cells that a line drains
+    /// A line drains at least this many cells [default: 12]
     #[arg(long, value_name = "N")]
     accumulation: Option<u32>,
-    /// Lowest Strahler order
+    /// Lowest Strahler order that is kept [default: 2]
     #[arg(long, value_name = "N")]
     min_order: Option<u8>,
-    /// The paper's steps and nothing else
+    /// Settings from a file; the options here overrule it
+    #[arg(long, value_name = "FILE", conflicts_with = "paper")]
+    config: Option<PathBuf>,
+    /// The steps of the paper and nothing else: no smoothing, filled pits, no margin
     #[arg(long)]
     paper: bool,
 }
 
-/// Runs the verb.
 pub(super) fn run(args: &ExtractArgs, context: &Context) -> Result<()> {
-    let base = if args.paper { ExtractionConfig::paper() } else { ExtractionConfig::default() };
-    let config = ExtractionConfig {
-        min_accumulation: args.accumulation.unwrap_or(base.min_accumulation),
-        min_order: args.min_order.unwrap_or(base.min_order),
-        ..base
-    };
-    config.validate()?;
-    let whole = args.dem.load()?;
-    let dem = match args.crop {
-        Some(window) => window.crop(&whole)?,
-        None => whole.clone(),
-    };
-    let lines = match args.crop {
-        Some(w) if args.with_context => {
-            extract::with_context(whole.heights(), whole.valid(), &config, w.origin, w.rows, w.cols)?
-        }
-        _ => extract::ridges_and_valleys(dem.heights(), dem.valid(), &config)?,
-    };
+    args::check_output(&args.output)?;
+    let config = args.config()?;
+    let dem = args.input.load()?;
+    let (dem, lines) = args.lines_of(dem, &config)?;
     if lines.line_count() == 0 {
-        let allowed =
-            "no ridge or valley was found; lower --accumulation or --min-order, or take a window with relief";
-        return Err(Error::value("number of line cells", 0, allowed));
+        let allowed = "at least one is needed: try terrain with more relief, a larger window, or lower \
+                       --accumulation or --min-order";
+        return Err(Error::value("number of ridges and valleys", 0, allowed).in_file(&args.input.dem));
     }
     let sketch = Sketch::trace(&lines);
     geojson::write(&args.output, &sketch, HeightUnit::Metres, dem.georeference())?;
-    let count = |kind| sketch.strokes.iter().filter(|s| s.kind == kind).count();
-    let parts = split_parts(&lines, PartLengths::default(), context.seed);
-    let (rows, cols) = lines.shape();
-    context.console.line(format!(
-        "{}: {} ridge and {} valley strokes, {} line cells ({:.1} % of {rows}x{cols}), {} parts of 5 to 10 cells",
-        args.output.display(),
-        count(StrokeKind::Ridge),
-        count(StrokeKind::Valley),
-        lines.line_count(),
-        100.0 * lines.line_count() as f64 / (rows * cols) as f64,
-        parts.len()
-    ));
+
+    let console = &context.console;
+    let parts = split_parts(&lines, PartLengths::default(), context.seed).len();
+    console.line(info::table(&info::lines_rows(&sketch, &lines)).trim_end());
+    console
+        .line(info::table(&[("parts".into(), format!("{parts} (of seed {})", context.seed.0))]).trim_end());
+    console.line(format!("wrote {}", args.output.display()));
     Ok(())
+}
+
+impl ExtractArgs {
+    /// Defaults, then the file, then the options.
+    fn config(&self) -> Result<ExtractionConfig> {
+        let mut config = match &self.config {
+            Some(path) => config_in(path)?,
+            None if self.paper => ExtractionConfig::paper(),
+            None => ExtractionConfig::default(),
+        };
+        config.min_accumulation = self.accumulation.unwrap_or(config.min_accumulation);
+        config.min_order = self.min_order.unwrap_or(config.min_order);
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// The window with its lines.
+    fn lines_of(&self, dem: Dem, config: &ExtractionConfig) -> Result<(Dem, LineMap)> {
+        if !self.with_context {
+            let dem = self.crop.apply(dem)?;
+            let lines = ridges_and_valleys(dem.heights(), dem.valid(), config)?;
+            return Ok((dem, lines));
+        }
+        let window = self.crop.window_of(&dem);
+        let cut = self.crop.apply(dem.clone())?;
+        let all = ridges_and_valleys(dem.heights(), dem.valid(), config)?;
+        let lines = crop_lines(&all, window.origin, window.rows, window.cols, config.min_length)?;
+        Ok((cut, lines))
+    }
+}
+
+/// The extraction settings in a file, which may be one for `train` with a section for them.
+fn config_in(path: &Path) -> Result<ExtractionConfig> {
+    let mut table = args::read_toml(path)?;
+    let table = match table.remove("extraction") {
+        Some(toml::Value::Table(section)) => section,
+        Some(other) => {
+            return Err(Error::file(path, "extraction", other, "allowed: a section [extraction]"));
+        }
+        None => table,
+    };
+    let config: ExtractionConfig = args::config_of(path, table)?;
+    config.validate().map_err(|e| e.in_file(path))?;
+    Ok(config)
 }

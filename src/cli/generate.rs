@@ -1,16 +1,15 @@
 //! `monadnock generate`: a style and a sketch become terrain.
 
-use super::args::{Pair, elevation};
-use super::console::Context;
+use super::Context;
+use super::args::{check_output, elevation, size};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem, Normalization};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::extract::random::{RandomSketchConfig, enhance};
 use crate::sketch::geojson::{self, HeightUnit, MissingHeights, SketchReading};
 use crate::sketch::{Sketch, samples};
 use crate::systems::region_gnn::Style;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// Arguments of `generate`.
 #[derive(Debug, clap::Args)]
@@ -32,11 +31,11 @@ pub(super) struct GenerateArgs {
     #[arg(short, long)]
     output: PathBuf,
     /// Cells of the map, as HEIGHTxWIDTH, when the sketch does not say
-    #[arg(long, value_name = "HxW")]
-    size: Option<String>,
+    #[arg(long, value_name = "HxW", value_parser = size)]
+    size: Option<(usize, usize)>,
     /// Elevations in metres that stand for the exemplar's lowest and highest height
-    #[arg(long, value_name = "MIN,MAX", value_parser = Pair::from_str, allow_hyphen_values = true)]
-    elevation: Option<Pair>,
+    #[arg(long, value_name = "MIN,MAX", value_parser = elevation, allow_hyphen_values = true)]
+    elevation: Option<Normalization>,
     /// Nodes of random ridges and valleys to fill the empty parts of a sparse sketch (paper, 5.2)
     #[arg(long, value_name = "N")]
     random_sketches: Option<usize>,
@@ -51,16 +50,13 @@ pub(super) struct GenerateArgs {
 /// Whatever is wrong with the style, the sketch or the output path.
 pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     let style = Style::load(&args.style)?;
-    let range = match args.elevation {
-        Some(pair) => elevation(pair)?,
-        None => style.info.normalization,
-    };
-    let size = args.size.as_deref().map(map_size).transpose()?;
+    check_output(&args.output)?;
+    let range = args.elevation.unwrap_or(style.info.normalization);
     let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Refuse };
-    let options = geojson::ReadOptions { size, missing_heights: missing, ..Default::default() };
+    let options = geojson::ReadOptions { size: args.size, missing_heights: missing, ..Default::default() };
     let reading = read_sketch(&args.sketch, &options)?;
     for warning in &reading.warnings {
-        context.console.warn(format!("{}: {warning}", args.sketch.display()));
+        context.console.warning(format!("{}: {warning}", args.sketch.display()));
     }
     let sketch = in_metres(&reading, range);
     let sketch = match args.random_sketches {
@@ -104,17 +100,4 @@ pub(super) fn in_metres(reading: &SketchReading, range: Normalization) -> Sketch
         }
     }
     sketch
-}
-
-/// Largest side of a map that can be asked for.
-const LARGEST_SIDE: usize = 8192;
-
-fn map_size(text: &str) -> Result<(usize, usize)> {
-    let sides: Option<Vec<usize>> = text.split(['x', 'X']).map(|s| s.trim().parse().ok()).collect();
-    match sides.as_deref() {
-        Some(&[rows, cols]) if (1..=LARGEST_SIDE).contains(&rows) && (1..=LARGEST_SIDE).contains(&cols) => {
-            Ok((rows, cols))
-        }
-        _ => Err(Error::value("--size", text, format!("allowed: HEIGHTxWIDTH, each 1 to {LARGEST_SIDE}"))),
-    }
 }

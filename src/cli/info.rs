@@ -1,136 +1,313 @@
-//! `monadnock info`: what is in a DEM, a sketch or a style.
+//! `info`: what is in a terrain file, a sketch or a style, for people and as JSON.
+//!
+//! The JSON of terrain and sketches is defined here; that of a style is what the style says of itself.
 
-use super::args::{DemInput, bundled_name};
-use super::console::Context;
-use crate::error::Result;
-use crate::sketch::geojson;
-use crate::sketch::{SketchGraph, StrokeKind, samples};
+use super::Context;
+use super::args::{self, DemReading};
+use crate::dem::io::{CellSizeSource, Format};
+use crate::dem::{Dem, bundled};
+use crate::error::{Error, Result};
+use crate::sketch::geojson::{self, HeightUnit, ReadOptions};
+use crate::sketch::{LineMap, Sketch, SketchGraph, StrokeKind};
 use crate::systems::region_gnn::style;
 use serde_json::{Value, json};
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
-/// Arguments of `info`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  monadnock info alps.tif
+const EXAMPLES: &str = "\
+Examples:
+  monadnock info sierra
+  monadnock info N46E007.hgt
   monadnock info sketch.geojson
   monadnock info sierra.safetensors --json
 
-A style's `training` holds epochs, seconds, seconds_per_epoch, ssim, psnr, l_gt on the exemplar, and peak_memory in bytes.")]
+A file is a style when its name ends in .safetensors, a sketch when it holds JSON, and terrain otherwise.";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
-    #[command(flatten)]
-    file: DemInput,
-    /// Print JSON
+    /// Terrain, sketch or style; or the name of terrain that comes with the program (sierra, grand-canyon)
+    file: PathBuf,
+    /// Print one JSON object
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    reading: DemReading,
 }
 
-/// Runs the verb.
+/// Label and text of a line that is shown.
+pub(super) type Row = (String, String);
+
 pub(super) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
-    let path = &args.file.dem;
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let sample = !path.exists() && samples::names().any(|name| path.to_str() == Some(name));
-    let value = match extension.as_str() {
-        "safetensors" => style::describe(path)?,
-        "geojson" | "json" => sketch(&geojson::read(path, &geojson::ReadOptions::default())?)?,
-        _ if sample => sketch(&samples::load(path.to_str().unwrap_or_default())?)?,
-        _ => dem(&args.file)?,
+    let (value, rows) = match content_of(&args.file)? {
+        Content::Terrain => terrain(&args.file, &args.reading)?,
+        Content::Sketch => sketch(&args.file)?,
+        Content::Style => {
+            let mut value = json!({"kind": "style", "file": args.file.display().to_string()});
+            merge(&mut value, style::describe(&args.file)?);
+            let rows = rows_of(&value);
+            (value, rows)
+        }
     };
-    if args.json {
-        context.console.output(format!("{value:#}"));
-    } else {
-        let mut text = String::new();
-        readable(&value, 0, &mut text);
-        context.console.output(text.trim_end());
-    }
+    context.console.result(if args.json { format!("{value:#}\n") } else { table(&rows) });
     Ok(())
 }
 
-fn dem(input: &DemInput) -> Result<Value> {
-    let (dem, description) = input.describe()?;
-    let (rows, cols) = dem.shape();
-    let (low, high) = dem.range();
-    let voids = dem.void_count();
-    Ok(json!({
-        "kind": "dem",
-        "file": bundled_name(&input.dem).map_or_else(|| input.dem.display().to_string(), |n| format!("bundled tile {n}")),
-        "rows": rows,
-        "cols": cols,
-        "elevation_m": [low, high],
-        "cell_size_m": [dem.cell_size().x(), dem.cell_size().y()],
-        "voids": voids,
-        "void_share": voids as f64 / (rows * cols) as f64,
-        "georeference": dem.georeference(),
-        "storage": description,
-    }))
+enum Content {
+    Terrain,
+    Sketch,
+    Style,
 }
 
-fn sketch(reading: &geojson::SketchReading) -> Result<Value> {
+/// What a file is: by name where that is clear, else by whether it starts like JSON.
+fn content_of(path: &Path) -> Result<Content> {
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    Ok(match extension.as_deref() {
+        Some("safetensors") => Content::Style,
+        Some("geojson" | "json") => Content::Sketch,
+        // Terrain that is not there gets its message from the reader.
+        _ if Format::of_extension(path).is_some() || !path.is_file() => Content::Terrain,
+        _ => {
+            const HEAD: u64 = 64;
+            let file = std::fs::File::open(path).map_err(Error::io(path, "open the file"))?;
+            let mut start = Vec::new();
+            file.take(HEAD).read_to_end(&mut start).map_err(Error::io(path, "read the file"))?;
+            let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start).trim_ascii_start();
+            if text.first() == Some(&b'{') { Content::Sketch } else { Content::Terrain }
+        }
+    })
+}
+
+fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
+    let (dem, description) = reading.read(path)?;
+    let tile = args::bundled_name(path).and_then(|name| bundled::manifest().iter().find(|t| t.name == name));
+    let (rows, cols) = dem.shape();
+    let (low, high) = dem.range();
+    let (x, y) = (dem.cell_size().x(), dem.cell_size().y());
+    let (mean, voids) = (mean_height(&dem), dem.void_count());
+    let value = json!({
+        "kind": "terrain",
+        "file": path.display().to_string(),
+        "format": description.format,
+        "sample": description.sample,
+        "packing": description.packing,
+        "rows": rows,
+        "cols": cols,
+        "cell_size": {"x": x, "y": y, "source": description.cell_size_source},
+        "elevation": {"lowest": low, "highest": high, "mean": mean},
+        "voids": voids,
+        "coordinates": description.coordinates,
+        "georeference": dem.georeference(),
+        "notes": description.notes,
+        "bundled": tile,
+    });
+    let packing =
+        if description.packing.is_empty() { String::new() } else { format!(", {}", description.packing) };
+    let source = match description.cell_size_source {
+        CellSizeSource::File => "",
+        CellSizeSource::Caller => ", as given",
+        CellSizeSource::Assumed => ", assumed: the file does not say",
+    };
+    let side = if x == y { metres(x) } else { format!("{} west-east, {} north-south", metres(x), metres(y)) };
+    let (height, width) = (rows as f64 * y / 1000.0, cols as f64 * x / 1000.0);
+    let share = percent(voids, rows * cols);
+    let mut table = vec![
+        row("terrain", path.display()),
+        row("format", format!("{}, {}{packing}", description.format, description.sample)),
+        row("size", format!("{rows} rows x {cols} columns")),
+        row("cell size", format!("{side}{source}")),
+        row("extent", format!("{height:.3} km north-south, {width:.3} km west-east")),
+        row("elevation", format!("{} to {}, mean {}", metres(low.into()), metres(high.into()), metres(mean))),
+        row("voids", if voids == 0 { "none".to_owned() } else { format!("{voids} cells ({share})") }),
+        row("coordinates", &description.coordinates),
+    ];
+    if let Some(g) = dem.georeference() {
+        let ((west, north), (east, south)) = (g.to_model(0.0, 0.0), g.to_model(cols as f64, rows as f64));
+        table.push(row("corners", format!("({west}, {north}) to ({east}, {south})")));
+    }
+    table.extend(description.notes.iter().map(|note| row("note", note)));
+    if let Some(tile) = tile {
+        table.push(row("place", &tile.title));
+        table.push(row("source", format!("{} ({})", tile.source, tile.licence)));
+        table.push(row("credit", &tile.credit));
+    }
+    Ok((value, table))
+}
+
+fn mean_height(dem: &Dem) -> f64 {
+    let known = dem.heights().as_slice().iter().zip(dem.valid().as_slice()).filter(|(_, ok)| **ok);
+    let (sum, count) = known.fold((0.0, 0_u64), |(sum, n), (&z, _)| (sum + f64::from(z), n + 1));
+    sum / count as f64 // never 0: a DEM has a valid cell
+}
+
+fn sketch(path: &Path) -> Result<(Value, Vec<Row>)> {
+    let reading = geojson::read(path, &ReadOptions::default())?;
     let sketch = &reading.sketch;
     let lines = sketch.rasterize();
     let graph = SketchGraph::of(&lines);
-    let mut kinds = serde_json::Map::new();
-    for (name, kind) in [("ridges", StrokeKind::Ridge), ("valleys", StrokeKind::Valley)] {
-        let strokes: Vec<_> = sketch.strokes.iter().filter(|s| s.kind == kind).collect();
-        let length: f64 = strokes
-            .iter()
-            .flat_map(|s| s.vertices.windows(2))
-            .map(|w| (w[1].x - w[0].x).hypot(w[1].y - w[0].y))
-            .sum();
-        let cells = lines.kinds().as_slice().iter().filter(|k| **k == Some(kind)).count();
-        kinds.insert(
-            name.to_owned(),
-            json!({
-                "strokes": strokes.len(),
-                "lines_of_strahler_order": graph.stream_counts(kind),
-                "bifurcation_ratio": graph.bifurcation_ratio(kind),
-                "vertices": strokes.iter().map(|s| s.vertices.len()).sum::<usize>(),
-                "length_cells": length,
-                "line_cells": cells,
-            }),
-        );
-    }
-    Ok(json!({
+    let (low, high) = sketch.height_range().unwrap_or_default(); // a sketch that was read has a stroke
+    let one = |kind| {
+        let figures = KindFigures::of(sketch, &lines, &graph, kind);
+        json!({
+            "strokes": figures.strokes,
+            "vertices": figures.vertices,
+            "line_cells": figures.cells,
+            "length_cells": graph.length(kind),
+            "streams_by_order": graph.stream_counts(kind),
+            "bifurcation_ratio": graph.bifurcation_ratio(kind),
+        })
+    };
+    let value = json!({
         "kind": "sketch",
+        "file": path.display().to_string(),
         "rows": sketch.rows,
         "cols": sketch.cols,
+        "size_stated": reading.stated_size.is_some(),
         "unit": reading.unit,
-        "heights": sketch.height_range(),
-        "ridges": kinds["ridges"],
-        "valleys": kinds["valleys"],
+        "elevation": {"lowest": low, "highest": high},
+        "ridges": one(StrokeKind::Ridge),
+        "valleys": one(StrokeKind::Valley),
+        "line_cells": lines.line_count(),
+        "share_of_cells": lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64,
         "georeference": reading.georeference,
         "warnings": reading.warnings,
-    }))
+    });
+    let heights = match reading.unit {
+        HeightUnit::Metres => format!("{} to {}", metres(low), metres(high)),
+        HeightUnit::Normalised => format!("{low:.3} to {high:.3} of the style's range (0 to 1)"),
+    };
+    let coordinates = match reading.georeference {
+        None => "columns and rows".to_owned(),
+        Some(g) => g.epsg.map_or_else(|| "a local system".to_owned(), |code| format!("EPSG:{code}")),
+    };
+    let mut table = vec![
+        row("sketch", path.display()),
+        row("map", format!("{} rows x {} columns", sketch.rows, sketch.cols)),
+        row("heights", heights),
+        row("coordinates", coordinates),
+    ];
+    table.extend(lines_rows(sketch, &lines));
+    table.extend(reading.warnings.iter().map(|warning| row("warning", warning)));
+    Ok((value, table))
 }
 
-/// Longest list that is printed in full.
-const LONGEST_LIST: usize = 8;
+/// What is counted of the strokes of one kind.
+struct KindFigures {
+    strokes: usize,
+    vertices: usize,
+    cells: usize,
+    length: f64,
+    streams: Vec<usize>,
+}
 
-/// Indented `key: value` lines; long lists are only counted.
-fn readable(value: &Value, depth: usize, out: &mut String) {
-    let Value::Object(map) = value else { return };
-    for (key, value) in map {
-        let indent = "  ".repeat(depth);
-        match value {
-            Value::Object(_) => {
-                *out += &format!("{indent}{key}:\n");
-                readable(value, depth + 1, out);
-            }
-            Value::Array(list) if list.len() > LONGEST_LIST || list.iter().any(Value::is_object) => {
-                *out += &format!("{indent}{key}: {} entries\n", list.len());
-            }
-            Value::Array(list) => {
-                let items: Vec<String> = list.iter().map(plain).collect();
-                *out += &format!("{indent}{key}: {}\n", items.join(", "));
-            }
-            Value::Null => *out += &format!("{indent}{key}: none\n"),
-            other => *out += &format!("{indent}{key}: {}\n", plain(other)),
+impl KindFigures {
+    fn of(sketch: &Sketch, lines: &LineMap, graph: &SketchGraph, kind: StrokeKind) -> Self {
+        let strokes = || sketch.strokes.iter().filter(|s| s.kind == kind);
+        Self {
+            strokes: strokes().count(),
+            vertices: strokes().map(|s| s.vertices.len()).sum(),
+            cells: lines.kinds().as_slice().iter().filter(|&&k| k == Some(kind)).count(),
+            length: graph.length(kind),
+            streams: graph.stream_counts(kind).to_vec(),
         }
     }
 }
 
-fn plain(value: &Value) -> String {
+/// The lines of a sketch in figures: what `extract` reports and `info` repeats.
+pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Row> {
+    let graph = SketchGraph::of(lines);
+    let one = |label: &str, kind| {
+        let f = KindFigures::of(sketch, lines, &graph, kind);
+        let mut text = format!("{} strokes, {} line cells, {:.0} cells long", f.strokes, f.cells, f.length);
+        if !f.streams.is_empty() {
+            let streams: Vec<String> = f.streams.iter().map(usize::to_string).collect();
+            text += &format!("; {} streams of Strahler order 1 to {}", streams.join(", "), streams.len());
+        }
+        row(label, text)
+    };
+    let (count, all) = (lines.line_count(), sketch.rows * sketch.cols);
+    vec![
+        one("ridges", StrokeKind::Ridge),
+        one("valleys", StrokeKind::Valley),
+        row("line cells", format!("{count} of {all} ({})", percent(count, all))),
+    ]
+}
+
+fn row(label: &str, text: impl std::fmt::Display) -> Row {
+    (label.to_owned(), text.to_string())
+}
+
+fn percent(count: usize, all: usize) -> String {
+    format!("{:.2} %", 100.0 * count as f64 / all as f64)
+}
+
+/// Metres with as many digits as matter.
+fn metres(value: f64) -> String {
+    let text = format!("{value:.3}");
+    format!("{} m", text.trim_end_matches('0').trim_end_matches('.'))
+}
+
+/// Rows under each other, labels in one column.
+pub(super) fn table(rows: &[Row]) -> String {
+    let width = rows.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0).max(12);
+    rows.iter().map(|(label, text)| format!("{label:width$}  {text}\n")).collect()
+}
+
+/// Adds the fields of `more` to those of `value`.
+fn merge(value: &mut Value, more: Value) {
+    if let (Some(fields), Value::Object(more)) = (value.as_object_mut(), more) {
+        fields.extend(more);
+    }
+}
+
+/// Any JSON object as rows: what lies deeper gets a dotted label.
+fn rows_of(value: &Value) -> Vec<Row> {
+    let mut rows = Vec::new();
+    push_rows(&mut rows, "", value);
+    rows
+}
+
+fn push_rows(rows: &mut Vec<Row>, label: &str, value: &Value) {
+    const SHOWN: usize = 8;
     match value {
-        Value::String(text) => text.clone(),
-        other => other.to_string(),
+        Value::Object(fields) => {
+            for (key, field) in fields {
+                let label = if label.is_empty() { key.clone() } else { format!("{label}.{key}") };
+                push_rows(rows, &label, field);
+            }
+        }
+        Value::Array(items) if items.len() > SHOWN => {
+            // Curves of a whole training: where they begin and end.
+            let [first, last] = [&items[0], &items[items.len() - 1]].map(plain);
+            rows.push(row(label, format!("{} values, {first} ... {last}", items.len())));
+        }
+        Value::Array(items) => rows.push(row(label, items.iter().map(plain).collect::<Vec<_>>().join(", "))),
+        Value::Null => rows.push(row(label, "-")),
+        other => rows.push(row(label, plain(other))),
+    }
+}
+
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nested_and_long_values_become_short_rows() {
+        let value =
+            json!({"a": {"b": [1, 2], "c": null}, "long": (0..20).collect::<Vec<_>>(), "name": "x y"});
+        let expected = [("a.b", "1, 2"), ("a.c", "-"), ("long", "20 values, 0 ... 19"), ("name", "x y")];
+        assert_eq!(rows_of(&value), expected.map(|(label, text)| row(label, text)));
+    }
+
+    #[test]
+    fn heights_show_no_digits_that_are_not_there() {
+        assert_eq!(
+            [metres(30.0), metres(-2.5), metres(0.0), metres(1234.56789)],
+            ["30 m", "-2.5 m", "0 m", "1234.568 m"]
+        );
     }
 }

@@ -1,4 +1,8 @@
-//! The command line: one file a verb. Only this room prints.
+//! The command line: one file per verb, one [`run`] for all.
+//!
+//! A verb is a [`clap::Args`] struct and `fn run(args, context) -> Result<()>`. What several verbs read from the command
+//! line is in `args`; everything that is shown goes through the `console`. Results are in the files that a verb
+//! writes, and they do not depend on `--threads` or `--quiet`.
 
 mod args;
 mod completions;
@@ -9,7 +13,149 @@ mod extract;
 mod generate;
 mod info;
 mod render;
-mod start;
 mod train;
 
-pub use start::run;
+use crate::error::{Error, Result};
+use crate::seed::Seed;
+use clap::{CommandFactory, Parser, Subcommand};
+use console::Console;
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+const PROGRAM: &str = env!("CARGO_PKG_NAME");
+
+const AFTER_HELP: &str = "\
+Examples:
+  monadnock demo --quick
+  monadnock train sierra -o sierra.safetensors
+  monadnock generate sierra.safetensors --sketch lambda-ring -o terrain.tif
+  monadnock extract sierra --crop 128,128,256 -o sketch.geojson
+  monadnock render sierra --crop 128,128,256 --sketch sketch.geojson -o sierra.png
+  monadnock info sketch.geojson
+  monadnock help extract
+
+Terrain is read from GeoTIFF, SRTM .hgt, ESRI ASCII grid, greyscale PNG and NumPy .npy files, or comes with the program
+(sierra, grand-canyon).
+
+Exit codes:
+  0  done
+  1  failed: the message says which file, which field, the value found and what is allowed
+  2  the command line was not understood";
+
+/// Learns the style of a landscape from one elevation model and turns drawn ridges and valleys into terrain.
+#[derive(Parser)]
+#[command(name = PROGRAM, version, max_term_width = 110, after_help = AFTER_HELP)]
+struct CommandLine {
+    #[command(flatten)]
+    global: GlobalOptions,
+    #[command(subcommand)]
+    command: Command,
+}
+
+// No doc comment: clap would take it for the program's description.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Global options")]
+struct GlobalOptions {
+    /// Threads to compute on; 0 takes all cores. Results do not depend on it
+    #[arg(long, global = true, value_name = "N", default_value_t = 0,
+          value_parser = clap::value_parser!(u16).range(0..=1024))]
+    threads: u16,
+    /// The number from which everything random is drawn
+    #[arg(long, global = true, value_name = "N", default_value_t = Seed::default().0)]
+    seed: u64,
+    /// Show no report, warning or progress; `info` and `completions` still print what they are asked for
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    // Verbs in the order of the help. A new verb `x` needs `mod x;` above, its variant here and its arm in `dispatch`.
+    /// Run the whole path on the embedded terrain and write a report
+    Demo(demo::DemoArgs),
+    /// Find the ridges and valleys of terrain and write them as a sketch (GeoJSON)
+    Extract(extract::ExtractArgs),
+    /// Learn a style from one piece of terrain
+    Train(train::TrainArgs),
+    /// Turn a sketch into terrain in a style
+    Generate(generate::GenerateArgs),
+    /// Rebuild patches of terrain from their lines with every system, and score them
+    Eval(eval::EvalArgs),
+    /// Draw terrain as a shaded relief picture (PNG), with a sketch over it if wanted
+    Render(render::RenderArgs),
+    /// Say what is in a terrain file, a sketch or a style
+    Info(info::InfoArgs),
+    /// Print the completions of a shell
+    Completions(completions::CompletionsArgs),
+}
+
+/// What every verb gets beside its own arguments.
+struct Context {
+    /// Where everything is shown.
+    console: Console,
+    /// The seed of the whole run.
+    seed: Seed,
+}
+
+/// Does what the command line `args` (the program's name first) asks for; reports failures on standard error.
+///
+/// Sets the size of the global thread pool when `--threads` is given, which a process can do only once.
+pub fn run<I>(args: I) -> ExitCode
+where
+    I: Iterator<Item = OsString>,
+{
+    let line = match CommandLine::try_parse_from(args) {
+        Ok(line) => line,
+        Err(answer) => {
+            // Help and version too; nobody is left to be told when this cannot be printed.
+            let _ = answer.print();
+            return ExitCode::from(if answer.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let console = Console::new(line.global.quiet);
+    match prepare(&line.global, console).and_then(|context| dispatch(&line.command, &context)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            console::print_error(&error);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn prepare(options: &GlobalOptions, console: Console) -> Result<Context> {
+    let asked = usize::from(options.threads);
+    if asked > 0 {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(asked);
+        pool.build_global().map_err(|e| Error::value("--threads", asked, format!("cannot be set: {e}")))?;
+    }
+    Ok(Context { console, seed: Seed(options.seed) })
+}
+
+fn dispatch(command: &Command, context: &Context) -> Result<()> {
+    match command {
+        Command::Demo(args) => demo::run(args, context),
+        Command::Extract(args) => extract::run(args, context),
+        Command::Train(args) => train::run(args, context),
+        Command::Generate(args) => generate::run(args, context),
+        Command::Eval(args) => eval::run(args, context),
+        Command::Render(args) => render::run(args, context),
+        Command::Info(args) => info::run(args, context),
+        Command::Completions(args) => completions::run(args, &mut CommandLine::command(), context),
+    }?;
+    context.console.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent_and_every_verb_has_examples() {
+        let command = CommandLine::command();
+        command.clone().debug_assert();
+        for verb in command.get_subcommands() {
+            let help = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains(&format!("monadnock {}", verb.get_name())), "{}", verb.get_name());
+        }
+    }
+}

@@ -1,84 +1,128 @@
-//! `monadnock render`: a DEM as shaded relief.
+//! `render`: terrain as a shaded relief picture, with a sketch over it.
 
-use super::args::{DemInput, Window};
-use super::console::Context;
-use super::generate::read_sketch;
-use crate::error::{Error, Result};
-use crate::sketch::geojson;
-use crate::viz::{Exaggeration, LineArt, LineStyle, Palette, Relief};
-use std::path::PathBuf;
+use super::Context;
+use super::args::{self, CropOption, DemInput, Window};
+use crate::dem::Dem;
+use crate::error::Result;
+use crate::sketch::Sketch;
+use crate::sketch::geojson::{self, ReadOptions, SketchReading};
+use crate::viz::{LineArt, LineStyle, Palette, Relief};
+use std::path::{Path, PathBuf};
 
-/// Arguments of `render`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+const EXAMPLES: &str = "\
+Examples:
   monadnock render sierra -o sierra.png
-  monadnock render terrain.tif -o terrain.png --scale 4 --sketch mine.geojson
-  monadnock render moon.tif -o moon.png --palette lunar --exaggeration 2")]
+  monadnock render grand-canyon --palette arid --scale 2 -o canyon.png
+  monadnock render alps.tif --crop 512,512,128 --scale 4 --sketch patch.geojson -o patch.png
+  monadnock render moon.tif --grey -o shading.png
+
+Only the positions of a sketch count here, not its heights. One in columns and rows that was drawn on a map of another
+size is stretched over the terrain, as `generate` does.";
+
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct RenderArgs {
     #[command(flatten)]
-    dem: DemInput,
-    /// The picture to write
+    input: DemInput,
+    /// The picture to write (PNG)
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
-    /// Only this window
-    #[arg(long, value_name = "ROW,COL,SIZE")]
-    crop: Option<Window>,
-    /// A sketch to draw over it: a GeoJSON file or a sample that comes with the program
-    #[arg(long, value_name = "S.geojson")]
+    #[command(flatten)]
+    crop: CropOption,
+    /// Ridges and valleys to draw over the terrain (GeoJSON)
+    #[arg(long, value_name = "SKETCH")]
     sketch: Option<PathBuf>,
-    /// Pixels of a cell
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    /// Pixels a cell, along each side, 1 to 64
+    #[arg(long, value_name = "N", default_value_t = 1)]
     scale: usize,
-    /// Colours
+    /// Colours of the heights
     #[arg(long, value_enum, default_value = "alpine")]
     palette: PaletteName,
-    /// Vertical exaggeration of the shading [default: by the mean slope]
-    #[arg(long, value_name = "FACTOR")]
-    exaggeration: Option<f64>,
+    /// Shading alone, without colours
+    #[arg(long, visible_alias = "no-colour", conflicts_with = "palette")]
+    grey: bool,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+/// The palettes for heights.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum PaletteName {
+    /// Temperate mountains: green valleys to white summits
     Alpine,
+    /// Deserts and canyons: umber to pale limestone
     Arid,
+    /// Bodies without air or plants
     Lunar,
+    /// Every height the same light grey
     Grey,
+    /// Black to white, by height
+    Tone,
 }
 
-/// Runs the verb.
+impl From<PaletteName> for Palette {
+    fn from(name: PaletteName) -> Self {
+        match name {
+            PaletteName::Alpine => Self::Alpine,
+            PaletteName::Arid => Self::Arid,
+            PaletteName::Lunar => Self::Lunar,
+            PaletteName::Grey => Self::Grey,
+            PaletteName::Tone => Self::Tone,
+        }
+    }
+}
+
 pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
-    let dem = args.dem.load()?;
-    let dem = match args.crop {
-        Some(window) => window.crop(&dem)?,
-        None => dem,
-    };
-    let palette = match args.palette {
-        PaletteName::Alpine => Palette::Alpine,
-        PaletteName::Arid => Palette::Arid,
-        PaletteName::Lunar => Palette::Lunar,
-        PaletteName::Grey => Palette::Grey,
-    };
-    let exaggeration = match args.exaggeration {
-        Some(factor) if factor > 0.0 && factor.is_finite() => Exaggeration::By(factor),
-        Some(factor) => return Err(Error::value("--exaggeration", factor, "allowed: positive and finite")),
-        None => Exaggeration::Auto,
-    };
-    let relief = Relief { exaggeration, ..Relief::with_palette(palette).scaled(args.scale) };
+    args::check_output(&args.output)?;
+    let whole = args.input.load()?;
+    let window = args.crop.window_of(&whole);
+    let shape = whole.shape();
+    let dem = args.crop.apply(whole)?;
+    let palette = if args.grey { Palette::Grey } else { args.palette.into() };
+    let relief = Relief::with_palette(palette).scaled(args.scale);
     let mut picture = relief.draw(&dem)?;
     if let Some(path) = &args.sketch {
-        let options = geojson::ReadOptions {
-            size: Some(dem.shape()),
-            georeference: dem.georeference().copied(),
-            ..Default::default()
-        };
-        let reading = read_sketch(path, &options)?;
-        for warning in &reading.warnings {
-            context.console.warn(format!("{}: {warning}", path.display()));
-        }
-        LineArt::try_from(&reading.sketch)?.overlay(&mut picture, &LineStyle::default())?;
+        let sketch = sketch_over(path, &dem, window, shape, context)?;
+        LineArt::try_from(&sketch)?.overlay(&mut picture, &LineStyle::default())?;
     }
     picture.write_png(&args.output)?;
     let (rows, cols) = picture.shape();
-    context.console.line(format!("{}: {cols}x{rows} pixels", args.output.display()));
+    context.console.line(format!("wrote {} ({cols} x {rows} pixels)", args.output.display()));
     Ok(())
+}
+
+/// The sketch in `path` on the raster of `dem`, the `window` of terrain of the shape `whole`.
+fn sketch_over(
+    path: &Path,
+    dem: &Dem,
+    window: Window,
+    whole: (usize, usize),
+    context: &Context,
+) -> Result<Sketch> {
+    let own = geojson::read(path, &ReadOptions::default())?;
+    let reading = match own.stated_size {
+        // In columns and rows of a map that the file describes.
+        Some(_) if own.georeference.is_none() => own,
+        // In coordinates of the terrain.
+        _ => {
+            let size = Some(dem.shape());
+            let options =
+                ReadOptions { size, georeference: dem.georeference().copied(), ..Default::default() };
+            geojson::read(path, &options)?
+        }
+    };
+    let SketchReading { mut sketch, warnings, .. } = reading;
+    for warning in warnings {
+        context.console.warning(format!("{}: {warning}", path.display()));
+    }
+    let (drawn, here) = ((sketch.rows, sketch.cols), dem.shape());
+    if drawn != here && drawn == whole {
+        for v in sketch.strokes.iter_mut().flat_map(|s| &mut s.vertices) {
+            (v.x, v.y) = (v.x - window.origin.col as f64, v.y - window.origin.row as f64);
+        }
+        (sketch.rows, sketch.cols) = here;
+    } else if drawn != here {
+        let text = format!("drawn on {}x{} cells, stretched over {}x{}", drawn.0, drawn.1, here.0, here.1);
+        context.console.line(format!("{}: {text}", path.display()));
+        sketch = sketch.scaled_to(here.0, here.1);
+    }
+    Ok(sketch)
 }

@@ -1,7 +1,7 @@
 //! `monadnock train`: one piece of a DEM becomes a style.
 
-use super::args::{DemInput, Window};
-use super::console::Context;
+use super::Context;
+use super::args::{CropOption, DemInput, check_output, read_toml, terrain_name};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar};
@@ -21,6 +21,8 @@ const LARGEST_WHOLE: usize = 192 * 192;
   monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
   monadnock train alps.tif -o alps.safetensors --config mine.toml
 
+Without --crop the whole terrain is learned when it is small, else its most varied central 128x128 patch.
+
 The configuration is a TOML file with the sections [extraction], [model] and [generation]; --set overrides one key.
 Order of precedence: preset, then the file, then --epochs and --set.")]
 pub(super) struct TrainArgs {
@@ -29,9 +31,8 @@ pub(super) struct TrainArgs {
     /// The style to write
     #[arg(short, long, value_name = "STYLE.safetensors")]
     output: PathBuf,
-    /// The window to learn from [default: the whole DEM when small, else the most varied central 128x128 patch]
-    #[arg(long, value_name = "ROW,COL,SIZE")]
-    crop: Option<Window>,
+    #[command(flatten)]
+    crop: CropOption,
     /// Named configuration: anchored (ours) or paper (Liu & Benes 2025)
     #[arg(long, value_enum, default_value = "anchored")]
     preset: PresetName,
@@ -63,11 +64,12 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     let config = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
     let dem = args.dem.load()?;
-    let (origin, rows, cols) = match &args.crop {
+    check_output(&args.output)?;
+    let (origin, rows, cols) = match args.crop.window {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,
     };
-    let source = Source::new(&args.dem.name(), &dem, origin, rows, cols)?;
+    let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
     let style = train_with_progress(&source, &config, context, "training")?;
     style.save(&args.output)?;
     let t = &style.info.training;
@@ -108,9 +110,10 @@ pub(super) fn train_with_progress(
     let progress = context.console.progress(config.model.epochs as u64, label);
     let style = learn(source, config, context.seed, |report: &EpochReport| {
         let l = &report.losses;
-        progress.advance_with(1, format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
+        progress.note(format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
+        progress.advance(1);
     })?;
-    progress.finish();
+    drop(progress);
     Ok(style)
 }
 
@@ -126,10 +129,7 @@ fn resolve(
         Err(e) => return Err(Error::value("configuration", e, "a preset must be plain data")),
     };
     if let Some(path) = file {
-        let bytes = crate::file::read_whole(path, 1 << 20)?;
-        let text = String::from_utf8_lossy(&bytes);
-        let overlay: toml::Table = toml::from_str(&text)
-            .map_err(|e| Error::file(path, "configuration", e.message(), "allowed: TOML"))?;
+        let overlay = read_toml(path)?;
         merge(&mut table, overlay);
         // Checked here as well, so that a bad key names the file.
         parse(table.clone()).map_err(|e| e.in_file(path))?;

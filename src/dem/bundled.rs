@@ -4,7 +4,7 @@
 //! beside it. A test checks their hashes and that the manifest's figures are those of the rasters.
 
 use super::Dem;
-use super::io::{self, ReadOptions};
+use super::io::{self, Description, ReadOptions};
 use crate::error::{Error, Result};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -74,12 +74,23 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 /// # Panics
 /// Never in a released build: every tile of the manifest is compiled in, and a test loads them all.
 pub fn load(name: &str) -> Result<Dem> {
+    read(name, &ReadOptions::default()).map(|(dem, _)| dem)
+}
+
+/// The tile called `name` as [`io::read_described`] would read its file.
+///
+/// # Errors
+/// When there is no such tile, or the options do not fit it.
+///
+/// # Panics
+/// Never in a released build: every tile of the manifest is compiled in, and a test loads them all.
+pub fn read(name: &str, options: &ReadOptions) -> Result<(Dem, Description)> {
     let tile = manifest().iter().find(|tile| tile.name == name).ok_or_else(|| {
         let known: Vec<_> = names().collect();
         Error::value("name of a bundled tile", format!("{name:?}"), format!("allowed: {}", known.join(", ")))
     })?;
     let (_, bytes) = TILES.iter().find(|(file, _)| *file == tile.file).expect("every tile is compiled in");
-    io::read_bytes(Path::new(&tile.file), bytes, &ReadOptions::default()).map(|(dem, _)| dem)
+    io::read_bytes(Path::new(&tile.file), bytes, options)
 }
 
 #[cfg(test)]

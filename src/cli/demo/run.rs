@@ -1,7 +1,7 @@
 //! The steps of the demo; every file that they write is kept.
 
 use super::report;
-use crate::cli::console::Context;
+use crate::cli::Context;
 use crate::cli::generate::in_metres;
 use crate::cli::train::train_with_progress;
 use crate::dem::io::{self, WriteOptions};
@@ -124,7 +124,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let progress = context.console.progress(origins.len() as u64, "comparing systems");
     let evaluation =
         evaluate(&compared, &origins, &systems, &protocol, context.seed, true, || progress.advance(1))?;
-    progress.finish();
+    drop(progress);
     timed(format!("rebuilding {} patches with {} systems", origins.len(), systems.len()), started);
 
     let reading = samples::load(DRAWING)?;

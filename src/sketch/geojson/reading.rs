@@ -48,6 +48,8 @@ pub struct SketchReading {
     pub unit: HeightUnit,
     /// Place of its map, when known.
     pub georeference: Option<Georeference>,
+    /// (rows, columns) of the map that the file states, whatever size was asked for.
+    pub stated_size: Option<(usize, usize)>,
     /// What was not taken as it stood, in whole sentences.
     pub warnings: Vec<String>,
 }
@@ -109,7 +111,8 @@ pub fn parse(text: &str, options: &ReadOptions) -> Result<SketchReading> {
     let unit = unit(member.as_ref(), options, &strokes, &mut warnings);
     let strokes = on_the_map(strokes, &lines, (rows, cols), &mut warnings)?;
     let sketch = Sketch::new(rows, cols, strokes)?;
-    Ok(SketchReading { sketch, unit, georeference: place.target, warnings })
+    let stated_size = member.as_ref().and_then(MapMember::size);
+    Ok(SketchReading { sketch, unit, georeference: place.target, stated_size, warnings })
 }
 
 /// The root object and its features; a single feature is a collection of one.

@@ -55,7 +55,8 @@ fn relative(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn fused_equals_plain_forward_and_backward() {
-    let bare = RegionGnnConfig { geometry: EdgeGeometry::Projection, normalize: false, ..RegionGnnConfig::paper() };
+    let bare =
+        RegionGnnConfig { geometry: EdgeGeometry::Projection, normalize: false, ..RegionGnnConfig::paper() };
     let wide = RegionGnnConfig { width: 64, ..RegionGnnConfig::default() };
     let narrow = RegionGnnConfig { width: 16, iterations: 3, ..RegionGnnConfig::default() };
     for base in [RegionGnnConfig::default(), RegionGnnConfig::paper(), bare, wide, narrow] {
