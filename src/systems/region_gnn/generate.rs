@@ -32,7 +32,7 @@ pub struct FineTuning {
 
 impl Default for FineTuning {
     fn default() -> Self {
-        Self { steps: 100, learning_rate: 0.04, ground_truth: 10.0, smooth: 0.01 }
+        Self { steps: 60, learning_rate: 0.05, ground_truth: 10.0, smooth: 0.01 }
     }
 }
 

@@ -1,0 +1,243 @@
+//! The trained system from the outside: it fits, it transfers, its files round-trip, its bytes repeat.
+
+use monadnock::dem::{CellSize, Dem, Normalization, bundled};
+use monadnock::experiment::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
+use monadnock::extract::{self, ExtractionConfig};
+use monadnock::grid::{Cell, Grid};
+use monadnock::metrics::ssim;
+use monadnock::seed::Seed;
+use monadnock::sketch::LineMap;
+use monadnock::systems::region_gnn::config::Kernel;
+use monadnock::systems::region_gnn::style::{Source, Style, StyleConfig, describe, learn};
+use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
+use monadnock::systems::registry;
+
+const SIDE: usize = 64;
+
+/// A quarter of a patch of the bundled sierra tile.
+fn source(row: usize, col: usize) -> Source {
+    Source::new("sierra", &bundled::load("sierra").unwrap(), Cell::new(row, col), SIDE, SIDE).unwrap()
+}
+
+fn brief(preset: Preset, epochs: usize) -> StyleConfig {
+    let mut config = StyleConfig::preset(preset);
+    config.model.epochs = epochs;
+    config.model.extractions = config.model.extractions.min(2);
+    config
+}
+
+fn style(preset: Preset, epochs: usize) -> Style {
+    learn(&source(160, 200), &brief(preset, epochs), Seed(1), |_| ()).unwrap()
+}
+
+/// Unit heights of a window and the lines on it.
+fn patch(row: usize, col: usize) -> (Dem, Grid<f32>, LineMap) {
+    let dem = source(row, col).dem;
+    let unit = Normalization::of(&dem).normalize(&dem);
+    let lines = extract::ridges_and_valleys(&unit, dem.valid(), &ExtractionConfig::default()).unwrap();
+    (dem, unit, lines)
+}
+
+#[test]
+fn both_presets_fit_one_patch() {
+    for (preset, epochs, least) in [(Preset::Anchored, 40, 0.94), (Preset::Paper, 150, 0.85)] {
+        let training = style(preset, epochs).info.training;
+        assert!(training.ssim > least, "{preset:?}: SSIM {}", training.ssim);
+        let (first, last) = (training.history[0].losses, training.history.last().unwrap().losses);
+        if preset == Preset::Paper {
+            assert!(last.ground_truth < first.ground_truth / 20.0, "{first:?} {last:?}");
+            assert!(last.further > 0.0, "far pixels take part");
+        }
+    }
+}
+
+#[test]
+fn anchored_terrain_meets_its_lines() {
+    let style = style(Preset::Anchored, 5);
+    let (_, _, lines) = patch(320, 320);
+    let made = style.model.generate(&lines, &style.info.config.generation, Seed(3)).unwrap();
+    for (cell, kind) in lines.kinds().cells() {
+        if kind.is_some() {
+            assert!((made[cell] - lines.heights()[cell]).abs() < 1e-4, "{cell:?}");
+        }
+    }
+}
+
+#[test]
+fn what_was_learned_on_one_patch_helps_on_others() {
+    let dem = bundled::load("sierra").unwrap();
+    let exemplar = choose_exemplar(&dem).unwrap();
+    let source = Source::new("sierra", &dem, exemplar, PATCH, PATCH).unwrap();
+    let mut config = brief(Preset::Anchored, 80);
+    config.model.extractions = 4;
+    let style = learn(&source, &config, Seed(1), |_| ()).unwrap();
+    let protocol =
+        EvaluationConfig { extraction: config.extraction.clone(), sketch_order: Some(3), sketch_accumulation: None };
+    let mut others: Vec<Cell> = patch_cells(&dem).into_iter().filter(|c| *c != exemplar).collect();
+    others.truncate(4);
+    let systems = registry::select(&style, "gnn,laplace,natural-neighbour").unwrap();
+    let evaluation = evaluate(&dem, &others, &systems, &protocol, Seed(1), false, || ()).unwrap();
+    let lines = aggregate(&evaluation.rows);
+    let mean = |i: usize| lines[i].summary.get("psnr").unwrap().mean;
+    assert!(mean(0) > mean(1) && mean(0) > mean(2), "{} against {} and {}", mean(0), mean(1), mean(2));
+}
+
+#[test]
+fn anchored_terrain_moves_and_stretches_with_its_sketch() {
+    let style = style(Preset::Anchored, 20);
+    let (_, _, lines) = patch(320, 320);
+    let generation = &style.info.config.generation;
+    let here = style.model.generate(&lines, generation, Seed(3)).unwrap();
+    let there = lines.map_heights(|z| 500.0 + 40.0 * z);
+    let there = style.model.generate(&there, generation, Seed(3)).unwrap();
+    for (a, b) in here.as_slice().iter().zip(there.as_slice()) {
+        assert!((500.0 + 40.0 * a - b).abs() < 0.02, "{a} {b}");
+    }
+}
+
+#[test]
+fn a_style_file_gives_back_the_style() {
+    let folder = tempfile::tempdir().unwrap();
+    for preset in [Preset::Anchored, Preset::Paper] {
+        let path = folder.path().join("style.safetensors");
+        let made = style(preset, 3);
+        made.save(&path).unwrap();
+        let read = Style::load(&path).unwrap();
+        assert_eq!(read.info, made.info);
+        assert_eq!(read.model.parts(), made.model.parts());
+        let (_, _, lines) = patch(0, 0);
+        let run = |style: &Style| style.generate(&lines.map_heights(|z| 900.0 + z), None, Seed(5)).unwrap();
+        assert_eq!(run(&made), run(&read));
+        let again = folder.path().join("again.safetensors");
+        read.save(&again).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap());
+        assert!(describe(&path).unwrap()["training"]["seconds_per_epoch"].as_f64().unwrap() > 0.0);
+    }
+}
+
+#[test]
+fn a_damaged_style_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("style.safetensors");
+    style(Preset::Anchored, 1).save(&path).unwrap();
+    let good = std::fs::read(&path).unwrap();
+    let refuse = |bytes: &[u8], part: &str| {
+        std::fs::write(&path, bytes).unwrap();
+        let message = Style::load(&path).unwrap_err().to_string();
+        assert!(message.contains("style.safetensors") && message.contains(part), "{message}");
+    };
+    refuse(&good[..good.len() / 2], "safetensors header");
+    refuse(&[], "safetensors header");
+    refuse(b"\xff\xff\xff\xff\xff\xff\xff\x7f{}", "safetensors header");
+    let text = String::from_utf8_lossy(&good[8..]).into_owned();
+    let header = u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
+    let swap = |from: &str, to: &str| {
+        assert_eq!(from.len(), to.len(), "the header keeps its length");
+        assert!(text.contains(from), "{from}");
+        let changed = text[..header].replacen(from, to, 1);
+        [&good[..8], changed.as_bytes(), &good[8 + header..]].concat()
+    };
+    refuse(&swap(r#"\"version\":1"#, r#"\"version\":7"#), "version");
+    refuse(&swap(r#"\"width\":32"#, r#"\"width\":33"#), "width");
+    refuse(&swap("parts.cells", "parts.celIs"), "parts.cells");
+    // Weights that are no numbers.
+    let mut spoiled = good.clone();
+    let end = spoiled.len();
+    for chunk in spoiled[8 + header..end].chunks_exact_mut(4) {
+        chunk.copy_from_slice(&f32::NAN.to_le_bytes());
+    }
+    std::fs::write(&path, spoiled).unwrap();
+    assert!(Style::load(&path).is_err());
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let style = style(Preset::Anchored, 4);
+            let (_, _, lines) = patch(320, 320);
+            let terrain = style.model.generate(&lines, &style.info.config.generation, Seed(2)).unwrap();
+            (style.model.network().params().snapshot().unwrap(), terrain)
+        })
+    };
+    assert!(on(1) == on(2));
+}
+
+#[test]
+fn the_plain_kernel_trains_to_the_same_model() {
+    let mut config = brief(Preset::Anchored, 3);
+    let fused = learn(&source(160, 200), &config, Seed(1), |_| ()).unwrap();
+    config.model.kernel = Kernel::Plain;
+    let plain = learn(&source(160, 200), &config, Seed(1), |_| ()).unwrap();
+    let (a, b) = (fused.info.training.ssim, plain.info.training.ssim);
+    assert!((a - b).abs() < 1e-3, "{a} {b}");
+}
+
+#[test]
+fn fine_tuning_brings_terrain_closer_to_the_lines() {
+    let style = style(Preset::Paper, 150);
+    let (_, _, lines) = patch(320, 320);
+    let error = |fine_tuning| {
+        let config = GenerationConfig { fine_tuning, correction: None, ..Default::default() };
+        let made = style.model.generate(&lines, &config, Seed(3)).unwrap();
+        let cells = lines.kinds().cells().filter(|(_, kind)| kind.is_some());
+        cells.map(|(cell, _)| f64::from(made[cell] - lines.heights()[cell]).powi(2)).sum::<f64>()
+    };
+    assert!(error(Some(FineTuning::default())) < 0.5 * error(None));
+}
+
+#[test]
+fn every_system_keeps_its_contract() {
+    let style = style(Preset::Anchored, 2);
+    let paper = self::style(Preset::Paper, 2);
+    let (_, _, lines) = patch(320, 320);
+    for (name, system) in registry::all(&style).into_iter().chain(registry::all(&paper)) {
+        let made = system.generate(&lines, Seed(1)).unwrap();
+        assert_eq!(made.shape(), lines.shape(), "{name}");
+        assert!(made.as_slice().iter().all(|z| z.is_finite()), "{name}");
+        assert_eq!(made, system.generate(&lines, Seed(1)).unwrap(), "{name} repeats");
+        let empty = LineMap::empty(40, 50);
+        assert!(system.generate(&empty, Seed(1)).is_err(), "{name} refuses an empty sketch");
+        // One short line on another shape of map.
+        let mut single = LineMap::empty(33, 47);
+        single.set(Cell::new(10, 10), monadnock::sketch::StrokeKind::Ridge, 0.5);
+        single.set(Cell::new(10, 11), monadnock::sketch::StrokeKind::Ridge, 0.6);
+        let made = system.generate(&single, Seed(1)).unwrap();
+        assert_eq!(made.shape(), (33, 47), "{name}");
+        assert!(made.as_slice().iter().all(|z| z.is_finite()), "{name}");
+    }
+    assert!(registry::select(&style, "gnn,laplace").unwrap().len() == 2);
+    assert!(registry::select(&paper, "gnn").unwrap().len() == 4);
+    assert!(registry::select(&style, "magic").err().unwrap().to_string().contains("natural-neighbour"));
+}
+
+#[test]
+fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
+    let whole = source(160, 200);
+    let mut valid = whole.dem.valid().clone();
+    for row in 20..30 {
+        for col in 40..55 {
+            valid[Cell::new(row, col)] = false;
+        }
+    }
+    let mut heights = whole.dem.heights().clone();
+    heights[Cell::new(25, 45)] = f32::NAN;
+    let holed = Dem::with_voids(heights, valid, whole.dem.cell_size()).unwrap();
+    let holed = Source::new("holed", &holed, Cell::new(0, 0), SIDE, SIDE).unwrap();
+    let style = learn(&holed, &brief(Preset::Anchored, 20), Seed(1), |_| ()).unwrap();
+    assert!(style.info.training.ssim > 0.85, "{}", style.info.training.ssim);
+
+    let cell = CellSize::square(30.0).unwrap();
+    let refused = |dem: &Dem| {
+        let (rows, cols) = dem.shape();
+        let source = Source::new("bad", dem, Cell::new(0, 0), rows, cols).unwrap();
+        learn(&source, &brief(Preset::Anchored, 1), Seed(1), |_| ()).unwrap_err().to_string()
+    };
+    assert!(refused(&Dem::new(Grid::filled(64, 64, 5.0), cell).unwrap()).contains("line cells"));
+    let small = whole.dem.crop(Cell::new(0, 0), 31, 64).unwrap();
+    let message = refused(&small);
+    assert!(message.contains("31x64"), "{message}");
+    let truth = Normalization::of(&whole.dem).normalize(&whole.dem);
+    assert!(ssim(&truth, &truth, whole.dem.valid(), 1.0).unwrap() > 0.999);
+}
