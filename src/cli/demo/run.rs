@@ -34,7 +34,7 @@ const RANDOM_NODES: usize = 40;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   monadnock demo
-  monadnock demo --quick --out /tmp/look
+  monadnock demo --quick --out look
 
 Trains a style on each embedded exemplar, rebuilds neighbouring terrain with every system, turns a drawing into terrain in
 both styles, and writes report.html with all pictures, GeoTIFFs, sketches and styles beside it.")]
