@@ -1,5 +1,7 @@
 //! The trained system from the outside: it fits, it transfers, its files round-trip, its bytes repeat.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use monadnock::dem::{CellSize, Dem, Normalization, bundled};
 use monadnock::experiment::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
 use monadnock::extract::{self, ExtractionConfig};
@@ -71,8 +73,11 @@ fn what_was_learned_on_one_patch_helps_on_others() {
     let mut config = brief(Preset::Anchored, 80);
     config.model.extractions = 4;
     let style = learn(&source, &config, Seed(1), |_| ()).unwrap();
-    let protocol =
-        EvaluationConfig { extraction: config.extraction.clone(), sketch_order: Some(3), sketch_accumulation: None };
+    let protocol = EvaluationConfig {
+        extraction: config.extraction.clone(),
+        sketch_order: Some(3),
+        sketch_accumulation: None,
+    };
     let mut others: Vec<Cell> = patch_cells(&dem).into_iter().filter(|c| *c != exemplar).collect();
     others.truncate(4);
     let systems = registry::select(&style, "gnn,laplace,natural-neighbour").unwrap();

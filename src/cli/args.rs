@@ -1,6 +1,6 @@
 //! Arguments that several verbs share, and how their values are written.
 
-use crate::dem::io::{self, Description, Nodata, ReadOptions};
+use crate::dem::io::{self, Description, Format, Nodata, ReadOptions};
 use crate::dem::{CellSize, Dem, Normalization, bundled};
 use crate::error::{Error, Result};
 use crate::file;
@@ -67,10 +67,19 @@ impl DemReading {
     /// # Errors
     /// As [`io::read`]; a name that is neither file nor bundled terrain.
     pub(super) fn read(&self, dem: &Path) -> Result<(Dem, Description)> {
-        match bundled_name(dem) {
+        let (terrain, description) = match bundled_name(dem) {
             Some(name) => bundled::read(name, &self.options()),
             None if !dem.exists() => Err(no_such_terrain(dem)),
             None => io::read_described(dem, &self.options()),
+        }?;
+        match self.band {
+            Some(band) if description.format != Format::GeoTiff => Err(Error::file(
+                dem,
+                "--band",
+                band,
+                "allowed: for GeoTIFF files only; other formats hold one band",
+            )),
+            _ => Ok((terrain, description)),
         }
     }
 }
