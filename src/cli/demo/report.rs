@@ -59,6 +59,7 @@ impl Page {
         let comparison = comparison(patch, shown)?;
         let errors = errors(patch, shown)?;
         let (ssim, psnr) = (scores(shown, "SSIM", 3, |s| s.ssim)?, scores(shown, "PSNR, dB", 2, |s| s.psnr)?);
+        overview(shown, &styles, &drawing)?.write_png(&out.join("overview.png"))?;
         drawing.write_png(&out.join("drawing.png"))?;
         comparison.write_png(&out.join("comparison.png"))?;
         errors.write_png(&out.join("errors.png"))?;
@@ -169,6 +170,19 @@ impl StylePictures {
             curves: curves(s)?,
         })
     }
+}
+
+/// Each style in a row: the exemplar, its lines, the drawing, and the drawing as terrain.
+fn overview(shown: &Shown, styles: &[StylePictures], drawing: &Picture) -> Result<Picture> {
+    let mut sheet = Sheet::new(4)
+        .column_heads(["one exemplar", "its ridges and valleys", "a drawing", "the drawing as terrain"])
+        .row_heads(shown.styles.iter().map(|s| s.name));
+    for pictures in styles {
+        for picture in [&pictures.exemplar, &pictures.lines, drawing, &pictures.drawn] {
+            sheet = sheet.panel(picture.shrunk(2), "");
+        }
+    }
+    sheet.draw()
 }
 
 fn palette(name: &str) -> Palette {
