@@ -478,3 +478,218 @@ fn a_style_is_trained_used_and_scored() {
         &["torn.safetensors"],
     );
 }
+
+/// What the help of a verb lists under a heading.
+fn under_heading(help: &str, heading: &str) -> String {
+    let inside = help.lines().skip_while(|line| *line != heading).skip(1);
+    inside.take_while(|line| line.is_empty() || line.starts_with(' ')).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn options_stand_under_the_heading_that_they_belong_to() {
+    let folder = temporary();
+    for verb in ["extract", "train", "eval", "render", "info"] {
+        let help = done(folder.path(), &[verb, "--help"]).out;
+        let reading = under_heading(&help, "Reading terrain:");
+        for option in ["--elevation", "--cell-size", "--nodata", "--band", "--metres-per-unit"] {
+            assert!(reading.contains(option), "{verb}: {option} is missing in: {reading}");
+        }
+        for option in ["--output", "--crop", "--patches", "--sketch", "--json", "--config"] {
+            assert!(!reading.contains(option), "{verb}: {option} is no matter of reading terrain: {reading}");
+        }
+        let own = under_heading(&help, "Options:");
+        let options = help.lines().filter_map(|line| line.trim_start().split_whitespace().next());
+        assert!(own.matches("  --").count() >= 1, "{verb}: {own}");
+        assert_eq!(options.filter(|word| *word == "Options:").count(), 1, "{verb}: {help}");
+    }
+    let render = done(folder.path(), &["render", "--help"]).out;
+    assert!(render.contains("stretched over the terrain"), "{render}");
+    assert!(!render.contains("as `generate` does"), "{render}");
+}
+
+#[test]
+fn options_for_another_format_are_refused_by_name() {
+    let folder = temporary();
+    let at = folder.path();
+    write_hill(&at.join("hill.asc"), 40);
+    for file in ["hill.asc", "sierra"] {
+        let with_range = ["info", file, "--elevation", "300,2100"];
+        fails(at, &with_range, 1, &[file, "--elevation", "300,2100", "PNG"]);
+    }
+    done(at, &["train", "sierra", "-o", "s.safetensors", "--crop", "0,0,64", "--epochs", "1", "-q"]);
+    done(
+        at,
+        &["generate", "s.safetensors", "--sketch", "single-stroke", "-o", "a.png", "--elevation", "300,900"],
+    );
+    done(at, &["info", "a.png", "--elevation", "0,1000"]);
+    fails(at, &["info", "a.png", "--nodata", "0"], 1, &["a.png", "--nodata", "0", "not for PNG"]);
+    fails(at, &["info", "a.png", "--nodata", "none"], 1, &["a.png", "--nodata", "none", "not for PNG"]);
+    fails(
+        at,
+        &["info", "a.png", "--metres-per-unit", "0.3048"],
+        1,
+        &["a.png", "--metres-per-unit", "0.3048", "not for PNG", "--elevation"],
+    );
+    // They still do what they are for.
+    let lowest = |args: &[&str]| {
+        let out = done(at, &[&["info", "hill.asc", "--json"], args].concat()).out;
+        serde_json::from_str::<Value>(&out).unwrap()["elevation"]["lowest"].as_f64().unwrap()
+    };
+    assert!((lowest(&["--metres-per-unit", "0.5"]) - lowest(&[]) / 2.0).abs() < 1e-3);
+}
+
+#[test]
+fn bundled_names_mean_the_same_to_every_verb() {
+    let folder = temporary();
+    let at = folder.path();
+    let sketch: Value = serde_json::from_str(&done(at, &["info", "lambda-ring", "--json"]).out).unwrap();
+    assert_eq!((&sketch["kind"], &sketch["rows"]), (&"sketch".into(), &128.into()));
+    done(at, &["render", "sierra", "--crop", "0,0,128", "-o", "plain.png"]);
+    done(at, &["render", "sierra", "--crop", "0,0,128", "-o", "lines.png", "--sketch", "lambda-ring"]);
+    let [plain, lines] = ["plain.png", "lines.png"].map(|name| pixels(&at.join(name)));
+    assert_ne!(plain, lines);
+    // A file of that name comes first, and unknown names list the known ones.
+    std::fs::write(at.join("meander"), b"not a sketch").unwrap();
+    fails(at, &["render", "sierra", "--sketch", "meander", "-o", "x.png"], 1, &["meander", "JSON"]);
+    fails(at, &["render", "sierra", "--sketch", "omega", "-o", "x.png"], 1, &["omega", "lambda-ring"]);
+    fails(at, &["info", "omega"], 1, &["omega", "sierra", "lambda-ring"]);
+    let about = done(at, &["info", "--help"]).out.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(about.contains("sierra, grand-canyon") && about.contains("lambda-ring"), "{about}");
+}
+
+#[test]
+fn a_sketch_of_the_whole_map_is_cropped_quietly() {
+    let folder = temporary();
+    let at = folder.path();
+    // Bundled terrain has a place on the Earth, and so has what is extracted from it.
+    done(at, &["extract", "sierra", "-o", "whole.geojson"]);
+    let draw = |sketch: &str, crop: &str, out: &str| {
+        done(at, &["render", "sierra", "--crop", crop, "--sketch", sketch, "-o", out])
+    };
+    let answer = draw("whole.geojson", "128,200,96", "a.png");
+    assert_eq!(answer.err, "");
+    assert!(!answer.out.contains("stretched"), "{}", answer.out);
+    // The same pixels as when the whole is drawn and the window cut out of it.
+    done(at, &["render", "sierra", "--sketch", "whole.geojson", "-o", "whole.png"]);
+    done(at, &["render", "sierra", "-o", "bare.png"]);
+    done(at, &["render", "sierra", "--crop", "128,200,96", "-o", "bare-window.png"]);
+    let [whole, bare, window, bare_window] =
+        ["whole.png", "bare.png", "a.png", "bare-window.png"].map(|name| pixels(&at.join(name)));
+    let inner = |row: usize, col: usize| (4..92).contains(&row) && (4..92).contains(&col);
+    let (mut lines, mut agreeing) = (0, 0);
+    for (row, col) in (0..96).flat_map(|r| (0..96).map(move |c| (r, c))).filter(|&(r, c)| inner(r, c)) {
+        let (i, j) = (3 * (row * 96 + col), 3 * ((row + 128) * 512 + col + 200));
+        let drawn_here = window[i..i + 3] != bare_window[i..i + 3];
+        let drawn_there = whole[j..j + 3] != bare[j..j + 3];
+        lines += usize::from(drawn_there);
+        agreeing += usize::from(drawn_here && drawn_there);
+    }
+    assert!(lines > 500 && agreeing * 100 > lines * 98, "{agreeing} of {lines}");
+    // A sketch of the window alone lies where it was, and one without a line in the window is told.
+    done(at, &["extract", "sierra", "--crop", "128,200,96", "-o", "window.geojson"]);
+    assert_eq!(draw("window.geojson", "128,200,96", "b.png").err, "");
+    let elsewhere = draw("window.geojson", "400,0,64", "c.png");
+    assert!(elsewhere.err.contains("no line of the sketch lies in"), "{}", elsewhere.err);
+    // As a geographic information system writes it: coordinates of the terrain, nothing said about the map.
+    let mut bare: Value = serde_json::from_slice(&std::fs::read(at.join("whole.geojson")).unwrap()).unwrap();
+    bare.as_object_mut().unwrap().remove("monadnock");
+    std::fs::write(at.join("gis.geojson"), bare.to_string()).unwrap();
+    assert!(!draw("gis.geojson", "128,200,96", "e.png").err.contains("off the map"));
+    assert!(pixels(&at.join("e.png")) == pixels(&at.join("a.png")), "with and without the member");
+    // What is off the whole map is still worth a word.
+    let text = std::fs::read_to_string(at.join("whole.geojson")).unwrap();
+    std::fs::write(
+        at.join("far.geojson"),
+        text.replacen("\"coordinates\":[[", "\"coordinates\":[[-9e9,-9e9,0],[", 1),
+    )
+    .unwrap();
+    assert!(draw("far.geojson", "128,200,96", "d.png").err.contains("partly off the map of 512x512"));
+}
+
+#[test]
+fn a_map_size_scales_the_drawing() {
+    let folder = temporary();
+    let at = folder.path();
+    done(at, &["train", "sierra", "-o", "s.safetensors", "--crop", "0,0,64", "--epochs", "1", "-q"]);
+    let generate = |sketch: &str, size: &[&str], out: &str| {
+        done(at, &[&["generate", "s.safetensors", "--sketch", sketch, "-o", out], size].concat())
+    };
+    let described =
+        |file: &str| -> Value { serde_json::from_str(&done(at, &["info", file, "--json"]).out).unwrap() };
+    let shape = |file: &str| {
+        let info = described(file);
+        (info["rows"].as_u64().unwrap(), info["cols"].as_u64().unwrap())
+    };
+    generate("lambda-ring", &[], "own.tif");
+    assert_eq!(shape("own.tif"), (128, 128));
+    let answer = generate("lambda-ring", &["--size", "96x160"], "bundled.tif");
+    assert_eq!(shape("bundled.tif"), (96, 160));
+    assert!(answer.out.contains("scaled") && answer.out.contains("128x128"), "{}", answer.out);
+
+    // A file that states its size is scaled, one that does not is drawn on a map of the size.
+    let points = "[[10,10,0.2],[40,30,0.8]]";
+    let sketch = |member: &str| {
+        format!(
+            r#"{{"type":"FeatureCollection",{member}"features":[{{"type":"Feature","properties":{{"kind":"ridge"}},
+            "geometry":{{"type":"LineString","coordinates":{points}}}}}]}}"#
+        )
+    };
+    let stated = r#""monadnock":{"rows":64,"cols":64,"unit":"normalised"},"#;
+    std::fs::write(at.join("stated.geojson"), sketch(stated)).unwrap();
+    std::fs::write(at.join("open.geojson"), sketch("")).unwrap();
+    generate("stated.geojson", &["--size", "128"], "stated.tif");
+    generate("open.geojson", &["--size", "128"], "open.tif");
+    assert_eq!((shape("stated.tif"), shape("open.tif")), ((128, 128), (128, 128)));
+    // Sketch heights are exact: the end of the ridge tells where the drawing went.
+    let height = |file: &str, row: usize, col: usize| -> f32 {
+        let dem =
+            monadnock::dem::io::read(&at.join(file), &monadnock::dem::io::ReadOptions::default()).unwrap();
+        dem.heights()[monadnock::grid::Cell::new(row, col)]
+    };
+    let style: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
+    let metre = |name: &str| style["normalization"][name].as_f64().unwrap() as f32;
+    let end = metre("low") + 0.8 * (metre("high") - metre("low"));
+    let near = |z: f32| (z - end).abs() < 0.02 * (metre("high") - metre("low"));
+    let [scaled, placed] =
+        ["stated.tif", "open.tif"].map(|file| (height(file, 60, 80), height(file, 30, 40)));
+    assert!(near(scaled.0) && !near(scaled.1), "{scaled:?}, not {end} at (60, 80)");
+    assert!(near(placed.1) && !near(placed.0), "{placed:?}, not {end} at (30, 40)");
+
+    // A georeferenced sketch keeps its ground: twice the cells, half the cell size.
+    done(at, &["extract", "sierra", "--crop", "64,64,64", "-o", "placed.geojson"]);
+    generate("placed.geojson", &["--size", "128"], "placed.tif");
+    let placed = described("placed.tif");
+    assert_eq!((shape("placed.tif"), &placed["cell_size"]["x"]), ((128, 128), &15.0.into()));
+    let help = done(at, &["help", "generate"]).out;
+    assert!(help.contains("scaled"), "{help}");
+}
+
+#[test]
+fn info_of_a_style_is_a_summary_and_its_json_is_everything() {
+    let folder = temporary();
+    let at = folder.path();
+    done(at, &["train", "sierra", "-o", "s.safetensors", "--crop", "0,0,64", "--epochs", "3", "-q"]);
+    let text = done(at, &["info", "s.safetensors"]).out;
+    for label in [
+        "epochs",
+        "seconds",
+        "seconds per epoch",
+        "SSIM",
+        "PSNR",
+        "l_gt",
+        "peak memory",
+        "last losses",
+        "exemplar",
+        "parameters",
+    ] {
+        assert!(text.contains(label), "{label:?} is missing in: {text}");
+    }
+    assert!(!text.contains("history"), "{text}");
+    assert!(text.lines().count() < 75 && text.lines().all(|line| line.len() < 200), "{text}");
+    let json: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
+    let history = json["training"]["history"].as_array().unwrap();
+    assert_eq!(history.len(), 3);
+    // The last losses are those of the last epoch.
+    let last = history[2]["losses"]["ground_truth"].as_f64().unwrap();
+    assert!(text.contains(&format!("{last:.2e}")), "{last:.2e} is missing in: {text}");
+}

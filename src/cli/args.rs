@@ -29,24 +29,26 @@ impl DemInput {
     }
 }
 
+/// Heading in the help. Named by each option, because clap hands a struct's heading on to what follows it.
+const READING: &str = "Reading terrain";
+
 // What the file itself may leave open.
 #[derive(clap::Args, Clone, Debug)]
-#[command(next_help_heading = "Reading terrain")]
 pub(super) struct DemReading {
-    /// Elevations of black and white, metres: needed for PNG files of other programs
-    #[arg(long, value_name = "MIN,MAX", value_parser = elevation, allow_hyphen_values = true)]
+    /// Elevations of black and white, metres: for PNG only, needed for files of other programs
+    #[arg(long, help_heading = READING, value_name = "MIN,MAX", value_parser = elevation, allow_hyphen_values = true)]
     elevation: Option<Normalization>,
     /// Cell size on the ground, metres: one side, or west-east and north-south; overrules the file
-    #[arg(long, value_name = "M[,M]", value_parser = cell_size, allow_hyphen_values = true)]
+    #[arg(long, help_heading = READING, value_name = "M[,M]", value_parser = cell_size, allow_hyphen_values = true)]
     cell_size: Option<CellSize>,
-    /// The stored number that means "no height here", or `none`; overrules the file
-    #[arg(long, value_name = "V", value_parser = nodata, allow_hyphen_values = true)]
+    /// The stored number that means "no height here", or `none`; overrules the file; not for PNG
+    #[arg(long, help_heading = READING, value_name = "V", value_parser = nodata, allow_hyphen_values = true)]
     nodata: Option<Nodata>,
     /// Band of a GeoTIFF with several, counted from 1
-    #[arg(long, value_name = "N")]
+    #[arg(long, help_heading = READING, value_name = "N")]
     band: Option<usize>,
-    /// Metres in one unit of the stored heights (0.3048 for feet); overrules the file
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
+    /// Metres in one unit of the stored heights (0.3048 for feet); overrules the file; not for PNG
+    #[arg(long, help_heading = READING, value_name = "M", allow_hyphen_values = true)]
     metres_per_unit: Option<f64>,
 }
 
@@ -72,15 +74,46 @@ impl DemReading {
             None if !dem.exists() => Err(no_such_terrain(dem)),
             None => io::read_described(dem, &self.options()),
         }?;
-        match self.band {
-            Some(band) if description.format != Format::GeoTiff => Err(Error::file(
-                dem,
+        self.check_format(dem, description.format)?;
+        Ok((terrain, description))
+    }
+
+    /// Refuses options that the reader of `format` does not look at.
+    fn check_format(&self, dem: &Path, format: Format) -> Result<()> {
+        let refuse = |option: &str, value: String, allowed: &str| {
+            Err(Error::file(dem, option, value, format!("{allowed}; this is {format}")))
+        };
+        if let Some(band) = self.band.filter(|_| format != Format::GeoTiff) {
+            return refuse(
                 "--band",
-                band,
-                "allowed: for GeoTIFF files only; other formats hold one band",
-            )),
-            _ => Ok((terrain, description)),
+                band.to_string(),
+                "allowed: for GeoTIFF only, other formats hold one band",
+            );
         }
+        if let Some(range) = self.elevation.filter(|_| format != Format::Png) {
+            let value = format!("{},{}", range.low(), range.high());
+            return refuse("--elevation", value, "allowed: for PNG only, other formats hold heights");
+        }
+        if format != Format::Png {
+            return Ok(());
+        }
+        if let Some(nodata) = self.nodata {
+            let value = match nodata {
+                Nodata::Value(value) => value.to_string(),
+                Nodata::None => "none".to_owned(),
+                Nodata::AsDeclared => "as declared".to_owned(),
+            };
+            return refuse(
+                "--nodata",
+                value,
+                "not for PNG: only a PNG of this program has voids, and says so",
+            );
+        }
+        if let Some(metres) = self.metres_per_unit {
+            let allowed = "not for PNG: a PNG holds grey levels, whose heights --elevation gives in metres";
+            return refuse("--metres-per-unit", metres.to_string(), allowed);
+        }
+        Ok(())
     }
 }
 
@@ -95,9 +128,13 @@ pub(super) fn terrain_name(dem: &Path) -> String {
     dem.file_stem().unwrap_or(dem.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// The names of bundled terrain, as they are listed in messages.
+pub(super) fn bundled_terrain() -> String {
+    bundled::names().collect::<Vec<_>>().join(", ")
+}
+
 fn no_such_terrain(dem: &Path) -> Error {
-    let known: Vec<_> = bundled::names().collect();
-    let allowed = format!("allowed: a terrain file, or the name of bundled terrain ({})", known.join(", "));
+    let allowed = format!("allowed: a terrain file, or the name of bundled terrain ({})", bundled_terrain());
     Error::file(dem, "file", "not there", allowed)
 }
 

@@ -2,14 +2,14 @@
 
 use super::Context;
 use super::args::{check_output, elevation, size};
+use super::sketch_input::{in_metres, read_sized};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
 use crate::extract::random::{RandomSketchConfig, enhance};
-use crate::sketch::geojson::{self, HeightUnit, MissingHeights, SketchReading};
-use crate::sketch::{Sketch, samples};
+use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::systems::region_gnn::Style;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `generate`.
 #[derive(Debug, clap::Args)]
@@ -17,8 +17,12 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif
   monadnock generate sierra.safetensors --sketch lambda-ring -o terrain.tif --random-sketches 40
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.png --elevation 800,2400
+  monadnock generate sierra.safetensors --sketch volcano-ring -o large.tif --size 256x256
 
 Sketch heights are metres, or 0 to 1 of the style's range when the file says \"unit\": \"normalised\".
+With --size a sketch that states the size of its map (those of the program do, and files of `extract`) is scaled to it frame
+to frame; one with a georeference keeps its ground and gets other cells. A file in columns and rows that states no size is
+taken as drawn on a map of that size, from its north-west corner; without --size its strokes decide the size.
 The output's format follows its ending: .tif (float32), .png (16 bits), .npy, .asc.")]
 pub(super) struct GenerateArgs {
     /// The style, as written by `train`
@@ -30,7 +34,7 @@ pub(super) struct GenerateArgs {
     /// The terrain to write
     #[arg(short, long)]
     output: PathBuf,
-    /// Cells of the map, as HEIGHTxWIDTH, when the sketch does not say
+    /// Cells of the map, as HEIGHTxWIDTH or one side: a sketch drawn on another size is scaled, heights stay
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: Option<(usize, usize)>,
     /// Elevations in metres that stand for the exemplar's lowest and highest height
@@ -53,10 +57,15 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     check_output(&args.output)?;
     let range = args.elevation.unwrap_or(style.info.normalization);
     let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Refuse };
-    let options = geojson::ReadOptions { size: args.size, missing_heights: missing, ..Default::default() };
-    let reading = read_sketch(&args.sketch, &options)?;
+    let options = ReadOptions { missing_heights: missing, ..Default::default() };
+    let (reading, scaled_from) = read_sized(&args.sketch, args.size, &options)?;
     for warning in &reading.warnings {
         context.console.warning(format!("{}: {warning}", args.sketch.display()));
+    }
+    if let Some((rows, cols)) = scaled_from {
+        let (to_rows, to_cols) = (reading.sketch.rows, reading.sketch.cols);
+        let text = format!("drawn on {rows}x{cols} cells, scaled to {to_rows}x{to_cols}");
+        context.console.line(format!("{}: {text}", args.sketch.display()));
     }
     let sketch = in_metres(&reading, range);
     let sketch = match args.random_sketches {
@@ -81,23 +90,4 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     let (rows, cols) = dem.shape();
     context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));
     Ok(())
-}
-
-/// A sketch file, or a sample by name when there is no such file.
-pub(super) fn read_sketch(path: &Path, options: &geojson::ReadOptions) -> Result<SketchReading> {
-    match path.to_str() {
-        Some(name) if !path.exists() && samples::names().any(|known| known == name) => samples::load(name),
-        _ => geojson::read(path, options),
-    }
-}
-
-/// The sketch with its heights in metres.
-pub(super) fn in_metres(reading: &SketchReading, range: Normalization) -> Sketch {
-    let mut sketch = reading.sketch.clone();
-    if reading.unit == HeightUnit::Normalised {
-        for vertex in sketch.strokes.iter_mut().flat_map(|s| &mut s.vertices) {
-            vertex.z = range.to_metres(vertex.z);
-        }
-    }
-    sketch
 }

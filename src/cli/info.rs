@@ -4,11 +4,12 @@
 
 use super::Context;
 use super::args::{self, DemReading};
+use super::sketch_input::{bundled_sketch, read_sketch};
 use crate::dem::io::{CellSizeSource, Format};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
-use crate::sketch::geojson::{self, HeightUnit, ReadOptions};
-use crate::sketch::{LineMap, Sketch, SketchGraph, StrokeKind};
+use crate::sketch::geojson::{HeightUnit, ReadOptions};
+use crate::sketch::{LineMap, Sketch, SketchGraph, StrokeKind, samples};
 use crate::systems::region_gnn::style;
 use serde_json::{Value, json};
 use std::io::Read;
@@ -19,6 +20,7 @@ Examples:
   monadnock info sierra
   monadnock info N46E007.hgt
   monadnock info sketch.geojson
+  monadnock info lambda-ring
   monadnock info sierra.safetensors --json
 
 A file is a style when its name ends in .safetensors, a sketch when it holds JSON, and terrain otherwise.";
@@ -26,7 +28,8 @@ A file is a style when its name ends in .safetensors, a sketch when it holds JSO
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
-    /// Terrain, sketch or style; or the name of terrain that comes with the program (sierra, grand-canyon)
+    /// Terrain, sketch or style; or the name of terrain (sierra, grand-canyon) or of a sketch (lambda-ring, meander,
+    /// p-valley, single-stroke, volcano-ring) that comes with the program
     file: PathBuf,
     /// Print one JSON object
     #[arg(long)]
@@ -45,7 +48,7 @@ pub(super) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
         Content::Style => {
             let mut value = json!({"kind": "style", "file": args.file.display().to_string()});
             merge(&mut value, style::describe(&args.file)?);
-            let rows = rows_of(&value);
+            let rows = style_rows(&value);
             (value, rows)
         }
     };
@@ -65,7 +68,8 @@ fn content_of(path: &Path) -> Result<Content> {
     Ok(match extension.as_deref() {
         Some("safetensors") => Content::Style,
         Some("geojson" | "json") => Content::Sketch,
-        // Terrain that is not there gets its message from the reader.
+        _ if bundled_sketch(path).is_some() => Content::Sketch,
+        _ if !path.exists() && args::bundled_name(path).is_none() => return Err(nothing_there(path)),
         _ if Format::of_extension(path).is_some() || !path.is_file() => Content::Terrain,
         _ => {
             const HEAD: u64 = 64;
@@ -76,6 +80,16 @@ fn content_of(path: &Path) -> Result<Content> {
             if text.first() == Some(&b'{') { Content::Sketch } else { Content::Terrain }
         }
     })
+}
+
+fn nothing_there(path: &Path) -> Error {
+    let sketches: Vec<_> = samples::names().collect();
+    let allowed = format!(
+        "allowed: a terrain file, a sketch or a style, or the name of bundled terrain ({}) or of a bundled sketch ({})",
+        args::bundled_terrain(),
+        sketches.join(", ")
+    );
+    Error::file(path, "file", "not there", allowed)
 }
 
 fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
@@ -141,7 +155,7 @@ fn mean_height(dem: &Dem) -> f64 {
 }
 
 fn sketch(path: &Path) -> Result<(Value, Vec<Row>)> {
-    let reading = geojson::read(path, &ReadOptions::default())?;
+    let reading = read_sketch(path, &ReadOptions::default())?;
     let sketch = &reading.sketch;
     let lines = sketch.rasterize();
     let graph = SketchGraph::of(&lines);
@@ -258,6 +272,58 @@ fn merge(value: &mut Value, more: Value) {
     if let (Some(fields), Value::Object(more)) = (value.as_object_mut(), more) {
         fields.extend(more);
     }
+}
+
+/// A style for people: where it is from and how well it learned, then its configuration. The JSON has the rest, above all
+/// the losses of every epoch.
+fn style_rows(value: &Value) -> Vec<Row> {
+    let number = |pointer: &str| value.pointer(pointer).and_then(Value::as_f64);
+    let text = |pointer: &str| value.pointer(pointer).map_or_else(|| "-".to_owned(), plain);
+    let with = |pointer: &str, digits: usize, unit: &str| {
+        number(pointer).map_or_else(|| "-".to_owned(), |v| format!("{v:.digits$}{unit}"))
+    };
+    let last = value.pointer("/training/history").and_then(Value::as_array).and_then(|epochs| epochs.last());
+    let losses = last.and_then(|epoch| epoch.get("losses")).and_then(Value::as_object);
+    let losses: Vec<String> = losses
+        .into_iter()
+        .flatten()
+        .filter_map(|(name, loss)| Some(format!("{name} {:.2e}", loss.as_f64()?)))
+        .collect();
+    let (cell, window) = ("/exemplar/cell_size", "/exemplar");
+    let [rows, cols, row_at, col_at] = ["rows", "cols", "row", "col"].map(|k| text(&format!("{window}/{k}")));
+    let memory =
+        number("/training/peak_memory").map_or_else(|| "-".to_owned(), |b| format!("{:.0} MB", b / 1e6));
+    let mut table = vec![
+        row("style", text("/file")),
+        row(
+            "exemplar",
+            format!("{}: {rows} x {cols} cells at row {row_at}, column {col_at}", text("/exemplar/name")),
+        ),
+        row(
+            "cell size",
+            format!(
+                "{} m west-east, {} m north-south",
+                text(&format!("{cell}/0")),
+                text(&format!("{cell}/1"))
+            ),
+        ),
+        row("elevation", format!("{} to {} m", text("/normalization/low"), text("/normalization/high"))),
+        row("parts", format!("{} of ridges, {} of valleys", text("/parts/ridge"), text("/parts/valley"))),
+        row("parameters", text("/parameters")),
+        row("seed", text("/seed")),
+        row("epochs", text("/training/epochs")),
+        row("seconds", with("/training/seconds", 1, "")),
+        row("seconds per epoch", with("/training/seconds_per_epoch", 3, "")),
+        row("peak memory", memory),
+        row("last losses", if losses.is_empty() { "-".to_owned() } else { losses.join(", ") }),
+        row("SSIM", format!("{} of the exemplar rebuilt from its own lines", with("/training/ssim", 4, ""))),
+        row("PSNR", with("/training/psnr", 2, " dB")),
+        row("l_gt", number("/training/l_gt").map_or_else(|| "-".to_owned(), |v| format!("{v:.2e}"))),
+    ];
+    if let Some(config) = value.get("config") {
+        table.extend(rows_of(config));
+    }
+    table
 }
 
 /// Any JSON object as rows: what lies deeper gets a dotted label.

@@ -13,6 +13,7 @@ mod extract;
 mod generate;
 mod info;
 mod render;
+mod sketch_input;
 mod train;
 
 use crate::error::{Error, Result};

@@ -2,10 +2,11 @@
 
 use super::Context;
 use super::args::{self, CropOption, DemInput, Window};
-use crate::dem::Dem;
+use super::sketch_input::{is_placed, read_sketch, window_of};
+use crate::dem::Georeference;
 use crate::error::Result;
 use crate::sketch::Sketch;
-use crate::sketch::geojson::{self, ReadOptions, SketchReading};
+use crate::sketch::geojson::ReadOptions;
 use crate::viz::{LineArt, LineStyle, Palette, Relief};
 use std::path::{Path, PathBuf};
 
@@ -14,10 +15,11 @@ Examples:
   monadnock render sierra -o sierra.png
   monadnock render grand-canyon --palette arid --scale 2 -o canyon.png
   monadnock render alps.tif --crop 512,512,128 --scale 4 --sketch patch.geojson -o patch.png
+  monadnock render sierra --crop 128,128,128 --sketch lambda-ring -o lambda.png
   monadnock render moon.tif --grey -o shading.png
 
 Only the positions of a sketch count here, not its heights. One in columns and rows that was drawn on a map of another
-size is stretched over the terrain, as `generate` does.";
+size than the terrain, or the window of it, is stretched over the terrain. One of the whole terrain is cropped with it.";
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -29,7 +31,8 @@ pub(super) struct RenderArgs {
     output: PathBuf,
     #[command(flatten)]
     crop: CropOption,
-    /// Ridges and valleys to draw over the terrain (GeoJSON)
+    /// Ridges and valleys to draw over the terrain: a GeoJSON file, or a sketch that comes with the program (lambda-ring,
+    /// meander, p-valley, single-stroke, volcano-ring)
     #[arg(long, value_name = "SKETCH")]
     sketch: Option<PathBuf>,
     /// Pixels a cell, along each side, 1 to 64
@@ -74,13 +77,13 @@ pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     args::check_output(&args.output)?;
     let whole = args.input.load()?;
     let window = args.crop.window_of(&whole);
-    let shape = whole.shape();
+    let ground = Ground { window, whole: whole.shape(), georeference: whole.georeference().copied() };
     let dem = args.crop.apply(whole)?;
     let palette = if args.grey { Palette::Grey } else { args.palette.into() };
     let relief = Relief::with_palette(palette).scaled(args.scale);
     let mut picture = relief.draw(&dem)?;
     if let Some(path) = &args.sketch {
-        let sketch = sketch_over(path, &dem, window, shape, context)?;
+        let sketch = ground.sketch_over(path, context)?;
         LineArt::try_from(&sketch)?.overlay(&mut picture, &LineStyle::default())?;
     }
     picture.write_png(&args.output)?;
@@ -89,40 +92,55 @@ pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     Ok(())
 }
 
-/// The sketch in `path` on the raster of `dem`, the `window` of terrain of the shape `whole`.
-fn sketch_over(
-    path: &Path,
-    dem: &Dem,
+/// The window that is drawn, and the terrain that it is cut from.
+struct Ground {
     window: Window,
+    /// (rows, columns) of the whole terrain.
     whole: (usize, usize),
-    context: &Context,
-) -> Result<Sketch> {
-    let own = geojson::read(path, &ReadOptions::default())?;
-    let reading = match own.stated_size {
-        // In columns and rows of a map that the file describes.
-        Some(_) if own.georeference.is_none() => own,
-        // In coordinates of the terrain.
-        _ => {
-            let size = Some(dem.shape());
-            let options =
-                ReadOptions { size, georeference: dem.georeference().copied(), ..Default::default() };
-            geojson::read(path, &options)?
+    /// Its place.
+    georeference: Option<Georeference>,
+}
+
+impl Ground {
+    /// The sketch in `path` on the window's raster.
+    fn sketch_over(&self, path: &Path, context: &Context) -> Result<Sketch> {
+        let (here, window) = ((self.window.rows, self.window.cols), self.window);
+        let (reading, drawn) = match self.georeference {
+            // In coordinates of the terrain: wherever it was drawn, it lies on the whole.
+            Some(georeference) if is_placed(path)? => {
+                let (size, georeference) = (Some(self.whole), Some(georeference));
+                let options = ReadOptions { size, georeference, ..ReadOptions::default() };
+                (read_sketch(path, &options)?, self.whole)
+            }
+            // In columns and rows: of a map that the file describes, else of what is shown.
+            _ => {
+                let own = read_sketch(path, &ReadOptions::default())?;
+                match own.stated_size {
+                    Some(drawn) => (own, drawn),
+                    None => {
+                        (read_sketch(path, &ReadOptions { size: Some(here), ..Default::default() })?, here)
+                    }
+                }
+            }
+        };
+        for warning in reading.warnings {
+            context.console.warning(format!("{}: {warning}", path.display()));
         }
-    };
-    let SketchReading { mut sketch, warnings, .. } = reading;
-    for warning in warnings {
-        context.console.warning(format!("{}: {warning}", path.display()));
-    }
-    let (drawn, here) = ((sketch.rows, sketch.cols), dem.shape());
-    if drawn != here && drawn == whole {
-        for v in sketch.strokes.iter_mut().flat_map(|s| &mut s.vertices) {
-            (v.x, v.y) = (v.x - window.origin.col as f64, v.y - window.origin.row as f64);
+        let sketch = reading.sketch;
+        if drawn == self.whole && drawn != here {
+            let shown = window_of(&sketch, window.origin, window.rows, window.cols);
+            if shown.strokes.is_empty() {
+                let text = format!("no line of the sketch lies in the window of {window}");
+                context.console.warning(format!("{}: {text}", path.display()));
+            }
+            Ok(shown)
+        } else if drawn != here {
+            let text =
+                format!("drawn on {}x{} cells, stretched over {}x{}", drawn.0, drawn.1, here.0, here.1);
+            context.console.line(format!("{}: {text}", path.display()));
+            Ok(sketch.scaled_to(here.0, here.1))
+        } else {
+            Ok(sketch)
         }
-        (sketch.rows, sketch.cols) = here;
-    } else if drawn != here {
-        let text = format!("drawn on {}x{} cells, stretched over {}x{}", drawn.0, drawn.1, here.0, here.1);
-        context.console.line(format!("{}: {text}", path.display()));
-        sketch = sketch.scaled_to(here.0, here.1);
     }
-    Ok(sketch)
 }

@@ -2,7 +2,7 @@
 
 use super::report;
 use crate::cli::Context;
-use crate::cli::generate::in_metres;
+use crate::cli::sketch_input::in_metres;
 use crate::cli::train::train_with_progress;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};

@@ -31,5 +31,5 @@ mod tests;
 mod writing;
 
 pub use member::HeightUnit;
-pub use reading::{MissingHeights, ReadOptions, SketchReading, parse, read};
+pub use reading::{MissingHeights, ReadOptions, SketchReading, is_placed, parse, read};
 pub use writing::{to_text, write};

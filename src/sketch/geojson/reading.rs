@@ -59,10 +59,33 @@ pub struct SketchReading {
 /// # Errors
 /// As [`parse`], with the file's name; when the file cannot be read or is larger than 512 MiB.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<SketchReading> {
-    let bytes = read_whole(path, LARGEST_FILE)?;
-    let text = std::str::from_utf8(&bytes)
-        .map_err(|e| Error::file(path, "text", format!("not UTF-8 ({e})"), "allowed: GeoJSON in UTF-8"))?;
-    parse(text, options).map_err(|e| e.in_file(path))
+    parse(&text_of(path)?, options).map_err(|e| e.in_file(path))
+}
+
+/// Whether the coordinates of a sketch file are model coordinates as soon as its map has a georeference: the file has one
+/// itself, or describes no map at all, as what a geographic information system writes.
+///
+/// # Errors
+/// When the file cannot be read, or is not a GeoJSON feature (collection).
+pub fn is_placed(path: &Path) -> Result<bool> {
+    let root = json(&text_of(path)?).map_err(|e| e.in_file(path))?;
+    let member = collection(&root).and_then(|(root, _)| MapMember::of(root)).map_err(|e| e.in_file(path))?;
+    Ok(is_model(member.as_ref()))
+}
+
+fn text_of(path: &Path) -> Result<String> {
+    String::from_utf8(read_whole(path, LARGEST_FILE)?)
+        .map_err(|e| Error::file(path, "text", format!("not UTF-8 ({e})"), "allowed: GeoJSON in UTF-8"))
+}
+
+fn json(text: &str) -> Result<Value> {
+    serde_json::from_str(text.trim_start_matches('\u{feff}'))
+        .map_err(|e| Error::value("text", format!("not JSON ({e})"), "allowed: a GeoJSON FeatureCollection"))
+}
+
+/// A file that describes its map without a georeference is in pixels, wherever the map lies.
+fn is_model(member: Option<&MapMember>) -> bool {
+    member.is_none_or(|m| m.georeference.is_some())
 }
 
 /// Reads a sketch from GeoJSON text. Features, lines and vertices are counted from 1 in every message.
@@ -71,9 +94,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SketchReading> {
 /// When the text is not JSON or not a feature (collection); a geometry is no line or point; a kind is unknown; a height
 /// is missing, or not a finite number; the file is in another coordinate system than the map; no stroke is left.
 pub fn parse(text: &str, options: &ReadOptions) -> Result<SketchReading> {
-    let root: Value = serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|e| {
-        Error::value("text", format!("not JSON ({e})"), "allowed: a GeoJSON FeatureCollection")
-    })?;
+    let root = json(text)?;
     let (root, features) = collection(&root)?;
     let mut warnings = Vec::new();
     let member = MapMember::of(root)?;
@@ -107,7 +128,7 @@ pub fn parse(text: &str, options: &ReadOptions) -> Result<SketchReading> {
     let steps: Vec<_> = steps.map(|(line, _)| line.name.clone()).collect();
     note(&mut warnings, &steps, "with two heights at one point: the later one counts");
 
-    let (rows, cols) = size(member.as_ref(), options, &strokes, &mut warnings)?;
+    let (rows, cols) = size(member.as_ref(), options, place.is_model, &strokes, &mut warnings)?;
     let unit = unit(member.as_ref(), options, &strokes, &mut warnings);
     let strokes = on_the_map(strokes, &lines, (rows, cols), &mut warnings)?;
     let sketch = Sketch::new(rows, cols, strokes)?;
@@ -148,8 +169,7 @@ impl Place {
     ) -> Result<Self> {
         let own = member.and_then(|m| m.georeference);
         let target = options.georeference.or(own);
-        // A file that describes its map without a georeference is in pixels, wherever the map lies.
-        let is_model = target.is_some() && (own.is_some() || member.is_none());
+        let is_model = target.is_some() && is_model(member);
         let named = match system_of(root) {
             Some(NamedSystem::Epsg(code)) => Some(code),
             Some(NamedSystem::Unknown(name)) => {
@@ -204,13 +224,15 @@ impl Place {
 fn size(
     member: Option<&MapMember>,
     options: &ReadOptions,
+    is_model: bool,
     strokes: &[Stroke],
     warnings: &mut Vec<String>,
 ) -> Result<(usize, usize)> {
     let own = member.and_then(MapMember::size);
     let (rows, cols) = match (options.size, own) {
         (Some(given), own) => {
-            if let Some((r, c)) = own.filter(|own| *own != given) {
+            // Model coordinates mean the same place on every map.
+            if let Some((r, c)) = own.filter(|own| *own != given && !is_model) {
                 warnings.push(format!(
                     "The sketch was drawn on a map of {r}x{c}; it is used as it is on {}x{}.",
                     given.0, given.1
