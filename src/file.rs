@@ -86,6 +86,53 @@ where
     Ok(())
 }
 
+/// Makes the folder `path` and all above it, unless they are there.
+///
+/// # Errors
+/// When that is not allowed, or a file is in the way.
+pub fn create_folder(path: &Path) -> Result<()> {
+    fs::create_dir_all(path).map_err(Error::io(path, "create the folder"))
+}
+
+/// Adds `text` at the end of a file, which begins empty, and waits until it is on the disk.
+///
+/// What was there before stays whatever happens; a crash may leave a part of `text`, which the reader must leave out.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn append(path: &Path, text: &str) -> Result<()> {
+    let failed = |action| Error::io(path, action);
+    let mut file =
+        File::options().append(true).create(true).open(path).map_err(failed("open for writing"))?;
+    file.write_all(text.as_bytes()).map_err(failed("write the file"))?;
+    file.sync_data().map_err(failed("write the file"))
+}
+
+/// Removes a file, or a folder with all that is in it; nothing when there is neither.
+///
+/// # Errors
+/// When that is not allowed.
+pub fn remove(path: &Path) -> Result<()> {
+    let Ok(metadata) = fs::symlink_metadata(path) else { return Ok(()) };
+    let removed = if metadata.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    removed.map_err(Error::io(path, "remove"))
+}
+
+/// What is in a folder, in the order of the names; nothing when there is no such folder.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn list(path: &Path) -> Result<Vec<PathBuf>> {
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let entries = fs::read_dir(path).map_err(Error::io(path, "read the folder"))?;
+    let paths = entries.map(|entry| entry.map(|e| e.path())).collect::<std::io::Result<Vec<_>>>();
+    let mut paths = paths.map_err(Error::io(path, "read the folder"))?;
+    paths.sort();
+    Ok(paths)
+}
+
 fn fill_and_flush<F>(path: &Path, file: &mut File, fill: F) -> Result<()>
 where
     F: FnOnce(&mut Output<'_>) -> Result<()>,
@@ -138,6 +185,25 @@ mod tests {
         let null = Path::new("/dev/null");
         write_atomically(null, |w| w.write_all(b"gone").map_err(Error::io(null, "write"))).unwrap();
         assert!(fs::metadata(null).unwrap().file_type().is_char_device());
+    }
+
+    #[test]
+    fn lines_are_added_at_the_end_and_removing_nothing_is_no_failure() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a/b/journal");
+        assert!(append(&path, "x").unwrap_err().to_string().contains("journal"));
+        create_folder(path.parent().unwrap()).unwrap();
+        append(&path, "one\n").unwrap();
+        append(&path, "two\n").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "one\ntwo\n");
+        fs::write(dir.path().join("a/b/a"), "").unwrap();
+        assert_eq!(list(&dir.path().join("a/b")).unwrap(), [dir.path().join("a/b/a"), path.clone()]);
+        assert!(list(&dir.path().join("gone")).unwrap().is_empty());
+        remove(&path).unwrap();
+        remove(&path).unwrap();
+        remove(&dir.path().join("a")).unwrap();
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+        assert!(create_folder(Path::new("/dev/null/a")).is_err());
     }
 
     #[test]

@@ -1,4 +1,9 @@
-//! What the operating system says about this process.
+//! What the operating system says about this process, its machine and its program.
+
+use sha2::{Digest, Sha256};
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
 
 /// Largest amount of memory that the process has held so far, in bytes; `None` where the system does not tell (only
 /// Linux does, in `/proc`).
@@ -8,4 +13,57 @@ pub fn peak_memory() -> Option<u64> {
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kilobytes * 1024)
+}
+
+/// Processor cores that this process may use; `None` where the system does not tell.
+#[must_use]
+pub fn cores() -> Option<usize> {
+    std::thread::available_parallelism().ok().map(usize::from)
+}
+
+/// Memory of the machine in bytes; `None` where the system does not tell (only Linux does, in `/proc`).
+#[must_use]
+pub fn total_memory() -> Option<u64> {
+    let info = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = info.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
+/// SHA-256 of the running program's file, hexadecimal: tells builds apart; `None` where it cannot be read.
+#[must_use]
+pub fn program_sha256() -> Option<String> {
+    static HASH: OnceLock<Option<String>> = OnceLock::new();
+    let hash = || {
+        let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
+        Some(Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+    };
+    HASH.get_or_init(hash).clone()
+}
+
+/// The revision of the source tree that the program was built in, as `git describe` says it now ("0a1b2c3d4e5f", with
+/// "-dirty" when files are changed); `None` without git or that tree.
+#[must_use]
+pub fn revision() -> Option<String> {
+    let tree = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let arguments = ["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"];
+    let output = Command::new("git").arg("-C").arg(tree).args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok().filter(|_| output.status.success())?;
+    Some(text.trim().to_owned()).filter(|text| !text.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn the_machine_and_the_program_are_known() {
+        assert!(cores().unwrap() >= 1);
+        assert!(total_memory().unwrap() > peak_memory().unwrap());
+        assert_eq!(program_sha256().unwrap().len(), 64);
+        assert!(
+            revision().is_none_or(|r| r.trim_end_matches("-dirty").chars().all(|c| c.is_ascii_hexdigit()))
+        );
+    }
 }

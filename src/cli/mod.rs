@@ -7,8 +7,10 @@
 mod args;
 mod completions;
 mod console;
+mod data;
 mod demo;
 mod eval;
+mod experiment;
 mod extract;
 mod generate;
 mod info;
@@ -82,6 +84,10 @@ enum Command {
     Generate(generate::GenerateArgs),
     /// Rebuild patches of terrain from their lines with every system, and score them
     Eval(eval::EvalArgs),
+    /// Run comparisons that are data files, and report their records
+    Experiment(experiment::ExperimentArgs),
+    /// Keep a manifest of terrain files
+    Data(data::DataArgs),
     /// Draw terrain as a shaded relief picture (PNG), with a sketch over it if wanted
     Render(render::RenderArgs),
     /// Say what is in a terrain file, a sketch or a style
@@ -139,6 +145,8 @@ fn dispatch(command: &Command, context: &Context) -> Result<()> {
         Command::Train(args) => train::run(args, context),
         Command::Generate(args) => generate::run(args, context),
         Command::Eval(args) => eval::run(args, context),
+        Command::Experiment(args) => experiment::run(args, context),
+        Command::Data(args) => data::run(args, context),
         Command::Render(args) => render::run(args, context),
         Command::Info(args) => info::run(args, context),
         Command::Completions(args) => completions::run(args, &mut CommandLine::command(), context),

@@ -4,7 +4,7 @@ use super::Context;
 use super::args::{CropOption, DemInput, check_output, read_toml, terrain_name};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::experiment::{PATCH, choose_exemplar};
+use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
 use crate::grid::Cell;
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn};
 use crate::systems::region_gnn::{EpochReport, Preset};
@@ -124,15 +124,12 @@ fn resolve(
     set: &[String],
     epochs: Option<usize>,
 ) -> Result<StyleConfig> {
-    let mut table = match toml::Table::try_from(StyleConfig::preset(preset)) {
-        Ok(table) => table,
-        Err(e) => return Err(Error::value("configuration", e, "a preset must be plain data")),
-    };
+    let mut over = toml::Table::new();
+    let base = StyleConfig::preset(preset);
     if let Some(path) = file {
-        let overlay = read_toml(path)?;
-        merge(&mut table, overlay);
+        over = read_toml(path)?;
         // Checked here as well, so that a bad key names the file.
-        parse(table.clone()).map_err(|e| e.in_file(path))?;
+        style_config(&base, [&over]).map_err(|e| e.in_file(path))?;
     }
     for setting in set {
         let allowed = "allowed: KEY=VALUE such as model.width=64 or model.base=\"laplace\"";
@@ -140,37 +137,17 @@ fn resolve(
             return Err(Error::value("--set", setting, allowed));
         };
         // A bare word is a string, so that `model.base=laplace` works in a shell.
-        let overlay: toml::Table = toml::from_str(&format!("{key}={value}"))
+        let table: toml::Table = toml::from_str(&format!("{key}={value}"))
             .or_else(|_| toml::from_str(&format!("{key}=\"{value}\"")))
             .map_err(|_| Error::value("--set", setting, allowed))?;
-        merge(&mut table, overlay);
+        overlay(&mut over, &table);
     }
-    let mut config = parse(table)?;
+    let mut config = style_config(&base, [&over])?;
     if let Some(epochs) = epochs {
         config.model.epochs = epochs;
     }
     config.validate()?;
     Ok(config)
-}
-
-fn parse(table: toml::Table) -> Result<StyleConfig> {
-    let config: StyleConfig = table.try_into().map_err(|e: toml::de::Error| {
-        Error::value("configuration", e.message(), "see `monadnock info STYLE --json` for all keys")
-    })?;
-    config.validate()?;
-    Ok(config)
-}
-
-/// Puts `overlay` over `table`, section by section.
-fn merge(table: &mut toml::Table, overlay: toml::Table) {
-    for (key, value) in overlay {
-        match (table.get_mut(&key), value) {
-            (Some(toml::Value::Table(below)), toml::Value::Table(above)) => merge(below, above),
-            (_, value) => {
-                table.insert(key, value);
-            }
-        }
-    }
 }
 
 #[cfg(test)]

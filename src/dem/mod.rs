@@ -5,6 +5,7 @@ mod cell_size;
 mod georeference;
 mod heights;
 pub mod io;
+pub mod manifest;
 mod normalization;
 
 pub use cell_size::CellSize;

@@ -35,6 +35,8 @@ pub struct Scores {
     /// [`psnr`](Self::psnr) of the rest; `None` when there is none.
     #[serde(with = "unbounded_option")]
     pub interior_psnr: Option<f64>,
+    /// [`ssim`](Self::ssim) of the same, windows that reach into the strip left out; `None` when no window is left.
+    pub interior_ssim: Option<f64>,
     /// Share of the valid cells whose height lay outside [0, 1].
     pub clipped_share: f64,
     /// Mean slope over that of the truth: see [`mean_slope_ratio`].
@@ -92,6 +94,8 @@ impl Scores {
             rmse: rmse(output, truth, valid)?,
             border_psnr: part(&border)?,
             interior_psnr: part(&interior)?,
+            // The shapes and values are checked: this fails only when no window is left.
+            interior_ssim: ssim(output, truth, &interior, 1.0).ok(),
             clipped_share: clipped as f64 / cells as f64,
             mean_slope_ratio: mean_slope_ratio(output, truth, valid)?,
             slope_distance: slope_distance(output, truth, valid)?,
@@ -131,15 +135,41 @@ impl Scores {
         self.rmse * range
     }
 
+    /// The names of all scores, in the order of the fields.
+    #[must_use]
+    pub fn names() -> [&'static str; 17] {
+        let none = Self {
+            ssim: 0.0,
+            psnr: 0.0,
+            rmse: 0.0,
+            border_psnr: None,
+            interior_psnr: None,
+            interior_ssim: None,
+            clipped_share: 0.0,
+            mean_slope_ratio: 0.0,
+            slope_distance: 0.0,
+            curvature_distance: 0.0,
+            spectrum_distance: 0.0,
+            pit_share: 0.0,
+            truth_pit_share: 0.0,
+            stroke_height_error: None,
+            ridge_f1: None,
+            valley_f1: None,
+            unasked_share: None,
+        };
+        none.values().map(|(name, _)| name)
+    }
+
     /// Every score with its name, in the order of the fields.
     #[must_use]
-    pub fn values(&self) -> [(&'static str, Option<f64>); 16] {
+    pub fn values(&self) -> [(&'static str, Option<f64>); 17] {
         [
             ("ssim", Some(self.ssim)),
             ("psnr", Some(self.psnr)),
             ("rmse", Some(self.rmse)),
             ("border_psnr", self.border_psnr),
             ("interior_psnr", self.interior_psnr),
+            ("interior_ssim", self.interior_ssim),
             ("clipped_share", Some(self.clipped_share)),
             ("mean_slope_ratio", Some(self.mean_slope_ratio)),
             ("slope_distance", Some(self.slope_distance)),
@@ -261,6 +291,14 @@ mod tests {
         let scores = Scores::of(&output, &truth, &valid, &lines(0)).unwrap();
         assert!((scores.border_psnr.unwrap() - 20.0).abs() < 1e-3);
         assert!((scores.interior_psnr.unwrap() - 40.0).abs() < 1e-3);
+        // That of the inner cells alone, as if they were all there is.
+        let cut = |grid: &Grid<f32>| grid.crop(Cell::new(8, 8), 16, 24).unwrap();
+        let alone = ssim(&cut(&output), &cut(&truth), &cut(&truth).map(|_| true), 1.0).unwrap();
+        assert!((scores.interior_ssim.unwrap() - alone).abs() < 1e-9, "{scores:?} {alone}");
+        assert!(scores.interior_ssim.unwrap() > scores.ssim);
+        let small = truth.crop(Cell::new(0, 0), 20, 20).unwrap();
+        let none = Scores::of(&small, &small, &small.map(|_| true), &LineMap::empty(20, 20)).unwrap();
+        assert_eq!(none.interior_ssim, None);
         assert!((scores.rmse_metres(1000.0) - 1000.0 * scores.rmse).abs() < 1e-9);
     }
 

@@ -2,7 +2,7 @@
 
 use super::classical;
 use super::region_gnn::config::HeightFrame;
-use super::region_gnn::{FineTuning, GenerationConfig, RegionGnnSystem, Style};
+use super::region_gnn::{FineTuning, GenerationConfig, RegionGnnSystem, Style, StyleConfig};
 use super::task::SketchToTerrain;
 use crate::error::{Error, Result};
 use crate::interpolation::CorrectionKind;
@@ -16,12 +16,38 @@ pub type Named = (String, Box<dyn SketchToTerrain>);
 /// embeddings, `gnn-tuned`, each also with the harmonic correction (`+harmonic`).
 #[must_use]
 pub fn all(style: &Style) -> Vec<Named> {
-    let own = &style.info.config.generation;
-    let system = |name: &str, generation: GenerationConfig| -> Named {
-        (name.to_owned(), Box::new(RegionGnnSystem { model: style.model.clone(), generation }))
-    };
-    let mut systems = match style.model.config().frame {
-        HeightFrame::Anchored => vec![system("gnn", own.clone())],
+    let mut systems = trained(style);
+    systems.extend(interpolators());
+    systems
+}
+
+/// Every way to use a style.
+#[must_use]
+pub fn trained(style: &Style) -> Vec<Named> {
+    uses(&style.info.config)
+        .into_iter()
+        .map(|(name, generation)| -> Named {
+            (name, Box::new(RegionGnnSystem { model: style.model.clone(), generation }))
+        })
+        .collect()
+}
+
+/// The names of [`trained`] for any style of this configuration.
+#[must_use]
+pub fn names(config: &StyleConfig) -> Vec<String> {
+    uses(config).into_iter().map(|(name, _)| name).collect()
+}
+
+/// Every interpolator.
+#[must_use]
+pub fn interpolators() -> Vec<Named> {
+    classical::all().into_iter().map(|(name, system)| (name.to_owned(), system)).collect()
+}
+
+fn uses(config: &StyleConfig) -> Vec<(String, GenerationConfig)> {
+    let own = &config.generation;
+    match config.model.frame {
+        HeightFrame::Anchored => vec![("gnn".to_owned(), own.clone())],
         HeightFrame::Absolute => {
             let tuned = own.fine_tuning.unwrap_or_default();
             [("gnn-aligned", None), ("gnn-tuned", Some(tuned))]
@@ -29,15 +55,13 @@ pub fn all(style: &Style) -> Vec<Named> {
                 .flat_map(|(name, fine_tuning): (&str, Option<FineTuning>)| {
                     let with = |correction| GenerationConfig { fine_tuning, correction, ..own.clone() };
                     [
-                        system(name, with(None)),
-                        system(&format!("{name}+harmonic"), with(Some(CorrectionKind::Harmonic))),
+                        (name.to_owned(), with(None)),
+                        (format!("{name}+harmonic"), with(Some(CorrectionKind::Harmonic))),
                     ]
                 })
                 .collect()
         }
-    };
-    systems.extend(classical::all().into_iter().map(|(name, system)| (name.to_owned(), system)));
-    systems
+    }
 }
 
 /// The systems whose names stand in `wanted`, separated by commas; `all` for every one. A name that ends at a `-` or `+` of

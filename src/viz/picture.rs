@@ -1,7 +1,7 @@
 //! An RGB picture and its PNG form.
 
 use super::Rgb;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::{Cell, Grid};
 use std::path::Path;
@@ -132,6 +132,30 @@ impl Picture {
         file
     }
 
+    /// The picture in a PNG file that [`to_png`](Self::to_png) wrote: 8-bit RGB.
+    ///
+    /// # Errors
+    /// When the bytes are no such file.
+    pub fn from_png(bytes: &[u8]) -> Result<Self> {
+        let damaged =
+            |e: png::DecodingError| Error::value("PNG data", e, "allowed: a picture of this program");
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().map_err(damaged)?;
+        let (colour, depth) = reader.output_color_type();
+        let size = reader.output_buffer_size();
+        let (Some(size), true) = (size, (colour, depth) == (png::ColorType::Rgb, png::BitDepth::Eight))
+        else {
+            return Err(Error::value("PNG colours", format!("{colour:?}, {depth:?}"), "allowed: 8-bit RGB"));
+        };
+        let mut data = vec![0; size];
+        let info = reader.next_frame(&mut data).map_err(damaged)?;
+        let pixels = data.as_chunks::<3>().0;
+        let (rows, cols) = (info.height as usize, info.width as usize);
+        Ok(Self::from_fn(rows, cols, |cell| {
+            let [r, g, b] = pixels[cell.row * cols + cell.col];
+            Rgb { r, g, b }
+        }))
+    }
+
     /// Writes the picture as a PNG file: whole or not at all.
     ///
     /// # Errors
@@ -157,14 +181,15 @@ mod tests {
     fn png_decodes_back_to_the_same_pixels() {
         for (rows, cols) in [(1, 1), (3, 70), (64, 5)] {
             let picture = colourful(rows, cols);
-            let mut reader = png::Decoder::new(std::io::Cursor::new(picture.to_png())).read_info().unwrap();
-            let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-            let info = reader.next_frame(&mut bytes).unwrap();
-            assert_eq!((info.height as usize, info.width as usize), (rows, cols));
-            assert_eq!(info.color_type, png::ColorType::Rgb);
-            let decoded: Vec<Rgb> =
-                bytes.chunks_exact(3).map(|p| Rgb { r: p[0], g: p[1], b: p[2] }).collect();
-            assert_eq!(decoded, picture.pixels().as_slice());
+            assert_eq!(Picture::from_png(&picture.to_png()).unwrap(), picture);
+        }
+    }
+
+    #[test]
+    fn what_is_no_picture_is_refused() {
+        let whole = colourful(9, 9).to_png();
+        for bad in [&b"GIF89a"[..], &whole[..whole.len() / 2]] {
+            assert!(Picture::from_png(bad).unwrap_err().to_string().contains("PNG data"));
         }
     }
 

@@ -1,0 +1,186 @@
+//! From an experiment file to terrain in memory and a file in which nothing is left open.
+
+use super::patches::{PATCH, choose_exemplar, patch_cells};
+use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
+use crate::dem::manifest::Manifest;
+use crate::dem::{Dem, bundled};
+use crate::error::{Error, Result};
+use crate::grid::Cell;
+use crate::systems::region_gnn::Source;
+use crate::systems::region_gnn::style::fingerprint;
+use std::path::Path;
+
+/// Where terrain comes from by name: a folder with a manifest, then the bundled tiles.
+#[derive(Clone, Debug, Default)]
+pub struct Terrain {
+    manifest: Option<Manifest>,
+}
+
+impl Terrain {
+    /// The bundled tiles, and before them the rasters of `folder` if one is given.
+    ///
+    /// # Errors
+    /// When the folder's manifest cannot be read.
+    pub fn new(folder: Option<&Path>) -> Result<Self> {
+        Ok(Self { manifest: folder.map(Manifest::read).transpose()? })
+    }
+
+    /// The terrain called `name`.
+    ///
+    /// # Errors
+    /// When there is none, or its file is not what the manifest says.
+    pub fn load(&self, name: &str) -> Result<Dem> {
+        let in_folder = |m: &&Manifest| m.areas.iter().any(|area| area.name == name);
+        if let Some(manifest) = self.manifest.as_ref().filter(in_folder) {
+            return manifest.load(name);
+        }
+        if bundled::names().any(|known| known == name) {
+            return bundled::load(name);
+        }
+        let mut known: Vec<&str> =
+            self.manifest.iter().flat_map(|m| &m.areas).map(|area| area.name.as_str()).collect();
+        bundled::names().for_each(|name| known.push(name));
+        let hint = if self.manifest.is_none() {
+            "; others with --data and a folder with a manifest.toml"
+        } else {
+            ""
+        };
+        Err(Error::value("area", format!("{name:?}"), format!("allowed: {}{hint}", known.join(", "))))
+    }
+}
+
+/// An area in memory.
+#[derive(Clone, Debug)]
+pub struct Area {
+    /// Its name.
+    pub name: String,
+    /// All of it.
+    pub dem: Dem,
+    /// The exemplar.
+    pub source: Source,
+    /// North-west cells of the test patches; none for `fit`.
+    pub patches: Vec<Cell>,
+}
+
+/// An experiment ready to be run.
+#[derive(Clone, Debug)]
+pub struct Resolved {
+    /// With every configuration, exemplar, patch and fingerprint written out; resolving it again changes nothing.
+    pub spec: ExperimentSpec,
+    /// Its areas, in the order of the file.
+    pub areas: Vec<Area>,
+}
+
+/// Fills in everything that an experiment leaves open.
+///
+/// # Errors
+/// When an area is not there or not the one that the file means; when exemplar or patches reach past its frame; when a test
+/// patch shares cells with the exemplar; when no test patch is left.
+pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
+    spec.validate()?;
+    let mut spec = spec.clone();
+    let areas: Vec<Area> = spec.area.iter().map(|area| load(&spec, area, terrain)).collect::<Result<_>>()?;
+    for (area, entry) in areas.iter().zip(&mut spec.area) {
+        let e = &area.source.info;
+        entry.exemplar = Some(vec![e.row, e.col, e.rows]);
+        entry.fingerprint = Some(e.source_sha256.clone());
+        entry.patches =
+            (spec.kind != Kind::Fit).then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
+    }
+    let full = |style: &StyleSpec| -> Result<StyleSpec> {
+        Ok(StyleSpec {
+            name: style.name.clone(),
+            systems: if spec.kind == Kind::Fit { Vec::new() } else { spec.uses(style)? },
+            preset: None,
+            set: toml::Table::new(),
+            config: Some(spec.config_of(style)?),
+        })
+    };
+    spec.style = spec.style.iter().map(full).collect::<Result<_>>()?;
+    spec.highlight = Some(spec.highlighted()?);
+    spec.interpolators = spec.interpolator_names()?;
+    spec.overrides = toml::Table::new();
+    spec.patches_per_area = None;
+    if spec.kind == Kind::Ablation {
+        spec.baseline = spec.baseline.or_else(|| spec.highlight.clone());
+    }
+    if spec.kind != Kind::Fit {
+        spec.sketch = spec.sketches();
+        for sketch in &mut spec.sketch {
+            sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
+            sketch.accumulation = Some(sketch.accumulation.unwrap_or(spec.extraction.min_accumulation));
+        }
+    }
+    spec.validate()?;
+    Ok(Resolved { spec, areas })
+}
+
+fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Area> {
+    let in_area = |e: Error| match e {
+        Error::Value { name, value, allowed } => {
+            Error::Value { name: format!("{name} (area {:?})", entry.name), value, allowed }
+        }
+        other => other,
+    };
+    let dem = terrain.load(&entry.name)?;
+    let found = fingerprint(&dem);
+    if let Some(meant) = entry.fingerprint.as_ref().filter(|meant| **meant != found) {
+        let allowed = format!("the experiment means terrain with {meant}");
+        return Err(in_area(Error::value("fingerprint", found, allowed)));
+    }
+    let (origin, side) = match entry.exemplar.as_deref() {
+        Some([row, col, side]) => (Cell::new(*row, *col), *side),
+        Some([row, col]) => (Cell::new(*row, *col), PATCH),
+        _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
+    };
+    let source = Source::new(&entry.name, &dem, origin, side, side).map_err(in_area)?;
+    let patches = if spec.kind == Kind::Fit {
+        Vec::new()
+    } else {
+        patches(spec, entry, &dem, origin, side).map_err(in_area)?
+    };
+    Ok(Area { name: entry.name.clone(), dem, source, patches })
+}
+
+/// The test patches of an area.
+fn patches(
+    spec: &ExperimentSpec,
+    entry: &AreaSpec,
+    dem: &Dem,
+    exemplar: Cell,
+    side: usize,
+) -> Result<Vec<Cell>> {
+    let meets = |a: usize, b: usize| a < b + side && b < a + PATCH;
+    let shares_cells = |c: &Cell| meets(c.row, exemplar.row) && meets(c.col, exemplar.col);
+    let mut cells = match &entry.patches {
+        None => patch_cells(dem).into_iter().filter(|c| !shares_cells(c)).collect(),
+        Some(given) => {
+            let cells: Vec<Cell> = given.iter().map(|&[row, col]| Cell::new(row, col)).collect();
+            for cell in &cells {
+                let name = format!("patch {},{}", cell.row, cell.col);
+                if shares_cells(cell) {
+                    let found =
+                        format!("shares cells with the exemplar at {},{}", exemplar.row, exemplar.col);
+                    return Err(Error::value(
+                        name,
+                        found,
+                        "allowed: test patches apart from the training cells",
+                    ));
+                }
+                dem.valid().crop(*cell, PATCH, PATCH)?;
+            }
+            cells
+        }
+    };
+    if let Some(limit) = spec.patches_per_area.filter(|limit| *limit < cells.len()) {
+        // Ties by place, so that the choice does not depend on the sort.
+        cells.sort_by_key(|c| (c.distance_squared(exemplar), *c));
+        cells.truncate(limit);
+        cells.sort();
+    }
+    if cells.is_empty() {
+        let allowed = format!("a whole {PATCH}x{PATCH} patch beside the exemplar is needed");
+        return Err(Error::value("number of test patches", 0, allowed));
+    }
+    Ok(cells)
+}
