@@ -5,9 +5,9 @@
 
 pub mod config;
 mod correction_op;
-mod edge_attention;
-mod edge_kernel;
+mod edge_features;
 mod edges;
+mod fused;
 mod generate;
 mod graph;
 pub mod losses;
@@ -16,7 +16,6 @@ mod network;
 #[cfg(test)]
 mod network_tests;
 mod plain;
-mod pool;
 mod region;
 pub mod style;
 mod train;
