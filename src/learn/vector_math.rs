@@ -4,7 +4,8 @@ use std::f32::consts::{LN_2, LOG2_E};
 
 /// Adding this rounds a small number to an integer, which then stands in the low bits.
 const ROUND: f32 = 12_582_912.0;
-const LN_2_HIGH: f32 = 0.693_359_375;
+/// Few digits, so that its product with a small integer is exact.
+const LN_2_HIGH: f32 = 355.0 / 512.0;
 const LN_2_LOW: f32 = LN_2 - LN_2_HIGH;
 
 /// e^x to a relative 1e-6 for x in [-87, 88]; arguments outside are cut there.

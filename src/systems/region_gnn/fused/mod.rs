@@ -16,6 +16,8 @@
 //! and parameters is summed a task at a time and merged in order, so that every thread count gives the same bytes.
 //! `plain` is the literal formula, the oracle of this one.
 
+#![allow(clippy::needless_range_loop, reason = "an index names the same register of several states")]
+
 mod block;
 mod lanes;
 mod layout;

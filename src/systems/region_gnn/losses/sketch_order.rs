@@ -101,6 +101,7 @@ impl Batch {
     /// Fills `wrong` and returns the sum of the cross-entropies.
     fn evaluate(&mut self) -> f64 {
         let mut costs = [0.0; BATCH];
+        #[allow(clippy::needless_range_loop, reason = "five columns of one batch")]
         for i in 0..BATCH {
             let u = self.uniforms[i];
             let noise = NOISE as f32 * ln(u / (1.0 - u));
