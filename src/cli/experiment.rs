@@ -191,8 +191,7 @@ impl Watch<'_> {
                 }
                 *bar = (rows > 0).then(|| console.progress(rows, "scoring"));
             }
-            Event::Step => bar.iter().for_each(|bar| bar.advance(1)),
-            Event::Scored(rows) => bar.iter().for_each(|bar| bar.advance(rows)),
+            Event::Steps(n) | Event::Scored(n) => bar.iter().for_each(|bar| bar.advance(n)),
             Event::Failed(what) => console.warning(what),
         }
     }

@@ -10,11 +10,12 @@ use super::resolve::{Area, Resolved};
 use super::rows::{Key, ScoreRow};
 use super::spec::{ExperimentSpec, Kind, SketchSpec, StyleSpec};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
-use crate::systems::region_gnn::Style;
-use crate::systems::region_gnn::style::{StyleConfig, learn};
+use crate::systems::region_gnn::style::{StyleConfig, learn_with};
+use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Style};
 use crate::systems::registry::{self, Named};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
@@ -22,7 +23,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// Time between two states of a training that are kept: what an interruption can cost.
+const CHECKPOINTS: Duration = Duration::from_secs(30);
 
 /// How to run.
 #[derive(Clone, Debug)]
@@ -47,8 +51,8 @@ pub enum Event {
         /// Steps of all that are left.
         steps: u64,
     },
-    /// One step of a training is done.
-    Step,
+    /// So many steps of a training more are done.
+    Steps(u64),
     /// So many rows are to be scored.
     Scoring {
         /// Rows left.
@@ -190,20 +194,31 @@ fn train_all(
 /// A style from an earlier run; a file that is not it, or torn, is trained again.
 fn load(path: &Path, wanted: &Wanted<'_>) -> Option<Style> {
     let style = Style::load(path).ok()?;
-    let is_it = style.info.config == wanted.config
+    // A training that ended early says so in its number of epochs.
+    let mut config = style.info.config.clone();
+    config.model.epochs = wanted.config.model.epochs;
+    let is_it = config == wanted.config
         && style.info.exemplar == wanted.area.source.info
         && style.info.seed == Seed(wanted.seed);
     is_it.then_some(style)
 }
 
 fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained> {
-    let told = AtomicUsize::new(0);
+    let mut told = 0;
+    let checkpoint = wanted.path.with_extension("checkpoint");
     let learned = without_panic(|| {
-        learn(&wanted.area.source, &wanted.config, Seed(wanted.seed), |_| {
-            told.fetch_add(1, Ordering::Relaxed);
-            watch(Event::Step);
-        })
+        let mut progress = |report: &EpochReport| {
+            // Also those that an earlier run has done.
+            watch(Event::Steps((report.epoch - told) as u64));
+            told = report.epoch;
+        };
+        let checkpoints =
+            Checkpoints { path: checkpoint.clone(), interval: CHECKPOINTS, resume: checkpoint.exists() };
+        let control = Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints) };
+        learn_with(&wanted.area.source, &wanted.config, Seed(wanted.seed), control)
     });
+    watch(Event::Steps(wanted.config.model.epochs.saturating_sub(told) as u64));
+    file::remove(&checkpoint)?;
     match learned {
         Ok(style) => {
             style.save(&wanted.path)?;
@@ -216,7 +231,6 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
                 "{} on {}, seed {}: {message}",
                 wanted.style.name, wanted.area.name, wanted.seed
             )));
-            (told.load(Ordering::Relaxed)..wanted.config.model.epochs).for_each(|_| watch(Event::Step));
             Ok(Err(message))
         }
     }
