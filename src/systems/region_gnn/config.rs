@@ -157,7 +157,7 @@ impl Default for RegionGnnConfig {
             noise: 1.0,
             masked: 0.05,
             extractions: 8,
-            epochs: 400,
+            epochs: 1200,
             patience: 0,
             learning_rate: 1e-2,
             losses: LossWeights::default(),
