@@ -158,15 +158,14 @@ pub(super) fn train_with_progress(
     label: &str,
     bounds: Bounds,
 ) -> Result<Style> {
-    // Under a budget the bar counts hundredths of a second, else epochs.
-    let hundredths = |seconds: f64| (seconds * 100.0) as u64;
-    let total = bounds.budget.map_or(config.model.epochs as u64, |b| hundredths(b.as_secs_f64()));
+    // Under a budget the bar counts seconds, else epochs.
+    let total = bounds.budget.map_or(config.model.epochs as u64, |budget| budget.as_secs());
     let bar = context.console.progress(total, label);
     let mut shown = 0;
     let mut progress = |report: &EpochReport| {
         let l = &report.losses;
         bar.note(format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
-        let now = bounds.budget.map_or(report.epoch as u64, |_| hundredths(report.seconds)).min(total);
+        let now = bounds.budget.map_or(report.epoch as u64, |_| report.seconds as u64).min(total);
         bar.advance(now.saturating_sub(shown));
         shown = now.max(shown);
     };
