@@ -9,10 +9,10 @@ use crate::seed::Seed;
 use crate::sketch::LineMap;
 use rand::Rng;
 
-/// (accumulation as a multiple of the base's, change of the lowest order) of the eight extractions with which our study
-/// trained; the base stands first. The base's 12 cells and order 2 give 12, 20, 40, 8, 12 (order 3), 30 (order 1), 16,
-/// 60 (order 1).
-const STUDIED: [(f64, i8); 8] = [
+/// (accumulation as a multiple of the base's, change of the lowest order). The base stands first, then the other seven
+/// extractions with which our study trained, then eight thin ones. The base's 12 cells and order 2 give 12, 20, 40, 8, 12
+/// (order 3), 30 (order 1), 16, 60 (order 1); 12 (order 4), 20 (3), 60, 8 (4), 40 (3), 30 (3), 120, 16 (4).
+const LISTED: [(f64, i8); 16] = [
     (1.0, 0),
     (20.0 / 12.0, 0),
     (40.0 / 12.0, 0),
@@ -21,6 +21,14 @@ const STUDIED: [(f64, i8); 8] = [
     (30.0 / 12.0, -1),
     (16.0 / 12.0, 0),
     (60.0 / 12.0, -1),
+    (1.0, 2),
+    (20.0 / 12.0, 1),
+    (60.0 / 12.0, 0),
+    (8.0 / 12.0, 2),
+    (40.0 / 12.0, 1),
+    (30.0 / 12.0, 1),
+    (10.0, 0),
+    (16.0 / 12.0, 2),
 ];
 
 /// How often a drawn configuration that is already there is drawn anew before it is accepted.
@@ -47,7 +55,7 @@ pub fn variants(
 impl ExtractionConfig {
     /// `count` configurations that draw the same terrain more or less densely; the first is this one.
     ///
-    /// The first eight are those of our study, the same for every seed. Further ones draw their accumulation between 8/12
+    /// The first eight are those of our study and the next eight thin ones, the same for every seed. Further ones draw their accumulation between 8/12
     /// and 60/12 of this one's (evenly in the logarithm) and their lowest order within one of this one's; repeats are drawn
     /// anew as long as there is something new to find.
     #[must_use]
@@ -58,7 +66,7 @@ impl ExtractionConfig {
             ..self.clone()
         };
         let mut all: Vec<Self> =
-            STUDIED.iter().take(count).map(|&(factor, order)| with(factor, order)).collect();
+            LISTED.iter().take(count).map(|&(factor, order)| with(factor, order)).collect();
         let mut stream = seed.stream("extraction variants");
         let (sparse, dense) = ((60.0f64 / 12.0).ln(), (8.0f64 / 12.0).ln());
         while all.len() < count {
@@ -79,12 +87,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_eight_are_the_studied_ones() {
+    fn the_first_sixteen_are_listed() {
         let base = ExtractionConfig::default();
         let limits = |seed| {
-            base.variants(8, seed).iter().map(|c| (c.min_accumulation, c.min_order)).collect::<Vec<_>>()
+            base.variants(16, seed).iter().map(|c| (c.min_accumulation, c.min_order)).collect::<Vec<_>>()
         };
-        assert_eq!(limits(Seed(1)), [(12, 2), (20, 2), (40, 2), (8, 2), (12, 3), (30, 1), (16, 2), (60, 1)]);
+        let studied = [(12, 2), (20, 2), (40, 2), (8, 2), (12, 3), (30, 1), (16, 2), (60, 1)];
+        let thin = [(12, 4), (20, 3), (60, 2), (8, 4), (40, 3), (30, 3), (120, 2), (16, 4)];
+        assert_eq!(limits(Seed(1)), [studied, thin].concat());
         assert_eq!(limits(Seed(1)), limits(Seed(2)));
         assert_eq!(base.variants(1, Seed(1))[0], base);
     }
@@ -98,7 +108,10 @@ mod tests {
         assert_ne!(all, base.variants(40, Seed(2)));
         for (i, config) in all.iter().enumerate() {
             config.validate().unwrap();
-            assert!((8..=60).contains(&config.min_accumulation) && (1..=3).contains(&config.min_order));
+            let (most, highest) = if i < LISTED.len() { (120, 4) } else { (60, 3) };
+            assert!(
+                (8..=most).contains(&config.min_accumulation) && (1..=highest).contains(&config.min_order)
+            );
             assert!(!all[..i].contains(config));
         }
         // With nothing new to find it still ends.

@@ -11,7 +11,7 @@ use crate::learn::{exp, ln, sin_cos_quarter_turns, tanh};
 /// Heights on edges are cut here, in units of the sketch's relief.
 const HEIGHT_LIMIT: f32 = 6.0;
 /// Most numbers stored for an edge.
-const MOST_STORED: usize = 6;
+const MOST_STORED: usize = 8;
 /// Doublings of the local frame's frequency.
 const FREQUENCIES: usize = 3;
 
@@ -19,21 +19,32 @@ const FREQUENCIES: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct EdgeFeatures {
     geometry: EdgeGeometry,
-    height: bool,
+    anchored: bool,
 }
 
 /// What one edge stores: relative index and distance of the projection; in the local frame, position along and across and
-/// number of cells; in the anchored frame, height above the base.
+/// number of cells; in the anchored frame, height above the base, distances to the nearest part and to the mean of the k
+/// nearest.
 pub(super) type Stored = [f32; MOST_STORED];
+
+/// What an anchored edge knows beyond its geometry.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Surroundings {
+    /// Height of the projection above the base, in units of the sketch's relief.
+    pub(super) height: f32,
+    /// Distance of the pixel to the nearest part and mean distance to the k nearest, in cells.
+    pub(super) nearest: f32,
+    pub(super) mean: f32,
+}
 
 impl EdgeFeatures {
     pub(super) fn of(config: &RegionGnnConfig) -> Self {
-        Self { geometry: config.geometry, height: config.frame == HeightFrame::Anchored }
+        Self { geometry: config.geometry, anchored: config.frame == HeightFrame::Anchored }
     }
 
     /// Number of stored values of an edge; those beyond it are 0.
     pub(super) fn stored_count(self) -> usize {
-        self.geometry_stored() + usize::from(self.height)
+        self.geometry_stored() + if self.anchored { 3 } else { 0 }
     }
 
     fn geometry_stored(self) -> usize {
@@ -49,23 +60,32 @@ impl EdgeFeatures {
             EdgeGeometry::Projection => 2,
             EdgeGeometry::LocalFrame => 8 + 4 * FREQUENCIES,
         };
-        geometry + usize::from(self.height)
+        geometry + if self.anchored { 4 } else { 0 }
     }
 
-    /// The numbers of the edge from `pixel` to `region`. `height`: of the projection above the base, in units of the
-    /// sketch's relief.
-    pub(super) fn store(self, region: &Region, pixel: Cell, projection: Projection, height: f32) -> Stored {
+    /// The numbers of the edge from `pixel` to `region`.
+    pub(super) fn store(
+        self,
+        region: &Region,
+        pixel: Cell,
+        projection: Projection,
+        surroundings: &Surroundings,
+    ) -> Stored {
         let mut out = [0.0; MOST_STORED];
         out[0] = region.relative_index(projection.index);
         out[1] = projection.distance;
         if self.geometry == EdgeGeometry::LocalFrame {
             let (along, across) = region.along_across(pixel);
-            out[2] = along / 8.0;
-            out[3] = across / 8.0;
+            // So that pixels far from thin lines do not run through many periods of the sines.
+            let scaled = |v: f32| if self.anchored { (v / 8.0).asinh() } else { v / 8.0 };
+            (out[2], out[3]) = (scaled(along), scaled(across));
             out[4] = region.cell_count() as f32 / 10.0;
         }
-        if self.height {
-            out[self.geometry_stored()] = height.clamp(-HEIGHT_LIMIT, HEIGHT_LIMIT);
+        if self.anchored {
+            let at = self.geometry_stored();
+            out[at] = surroundings.height.clamp(-HEIGHT_LIMIT, HEIGHT_LIMIT);
+            out[at + 1] = surroundings.nearest;
+            out[at + 2] = surroundings.mean;
         }
         out
     }
@@ -73,7 +93,8 @@ impl EdgeFeatures {
     /// Makes the features of many edges. `stored`: (stored, stride); `out`: (features, stride).
     ///
     /// Projection index, distance, then in the local frame position, distance on other scales, size of the part, sine and
-    /// cosine of the position at [`FREQUENCIES`] frequencies; then the height.
+    /// cosine of the position at [`FREQUENCIES`] frequencies; then the height and how far apart the lines are around the
+    /// pixel: nearest, mean, and this edge against the nearest.
     #[inline(always)]
     pub(super) fn expand(self, stored: &[f32], stride: usize, out: &mut [f32]) {
         out[..stride].copy_from_slice(&stored[..stride]);
@@ -96,9 +117,16 @@ impl EdgeFeatures {
                 }
             }
         }
-        if self.height {
-            let at = self.geometry_stored() * stride;
-            next().copy_from_slice(&stored[at..at + stride]);
+        if self.anchored {
+            let mut values = stored[self.geometry_stored() * stride..].chunks_exact(stride);
+            let mut column = || values.next().unwrap_or_default();
+            let (height, nearest, mean) = (column(), column(), column());
+            next().copy_from_slice(height);
+            fill(next(), nearest, |d| ln(1.0 + d) / 2.0);
+            fill(next(), mean, |d| ln(1.0 + d) / 2.0);
+            for ((out, d), nearest) in next().iter_mut().zip(distance).zip(nearest) {
+                *out = ln(1.0 + d) - ln(1.0 + nearest);
+            }
         }
     }
 }

@@ -4,6 +4,7 @@ use super::config::{HeightFrame, RegionGnnConfig};
 use super::losses::smooth;
 use super::network::Network;
 use super::train::{LineFrame, Prepared, SMOOTH_PAIRS};
+use super::trust::{Evidence, without_each_fold};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::interpolation::{Correction, CorrectionKind};
@@ -44,6 +45,9 @@ pub struct GenerationConfig {
     pub matching: MatchConfig,
     /// Refinement of the matched embeddings; none keeps them.
     pub fine_tuning: Option<FineTuning>,
+    /// Groups into which the strokes of a sketch are dealt; each in turn is kept from an anchored model, to see how
+    /// much of its deviation from the base these strokes confirm (`trust`). 0 trusts the model as it is.
+    pub folds: usize,
     /// The last step that makes sketch heights exact; none leaves the network's own heights on the lines.
     pub correction: Option<CorrectionKind>,
 }
@@ -53,6 +57,7 @@ impl Default for GenerationConfig {
         Self {
             matching: MatchConfig::default(),
             fine_tuning: None,
+            folds: 4,
             correction: Some(CorrectionKind::NaturalNeighbour),
         }
     }
@@ -124,13 +129,39 @@ impl RegionGnn {
             let heights = self.run(&sketch, embedding.as_ref(), seed)?;
             sum.iter_mut().zip(&heights).for_each(|(sum, z)| *sum += z / splits as f32);
         }
-        match (&frame.correction, config.correction) {
+        let corrected = match (&frame.correction, config.correction) {
             // The same weights, already at hand.
             (Some(correction), Some(CorrectionKind::NaturalNeighbour)) => {
-                Grid::from_vec(rows, cols, correction.correct(&sum))
+                Grid::from_vec(rows, cols, correction.correct(&sum))?
             }
-            (_, correction) => finish(lines, sum, correction),
+            (_, correction) => finish(lines, sum, correction)?,
+        };
+        let (Some(base), 1..) = (frame.base(), config.folds) else { return Ok(corrected) };
+        let trust = self.trust(lines, config, seed)?;
+        Ok(Grid::from_fn(rows, cols, |c| {
+            let base = base[c.row * cols + c.col];
+            base + trust * (corrected[c] - base)
+        }))
+    }
+
+    /// The share of the deviation from the base that the sketch's own lines confirm; see [`super::trust`].
+    fn trust(&self, lines: &LineMap, config: &GenerationConfig, seed: Seed) -> Result<f32> {
+        let seed = seed.derive("held-out strokes");
+        let mut evidence = Evidence::default();
+        for (fold, kept) in without_each_fold(lines, config.folds, seed).iter().enumerate() {
+            let seed = seed.derive_indexed("fold", fold);
+            let frame = LineFrame::new(&kept.lines, self.config(), false)?;
+            let sketch = Prepared::new(&kept.lines, &frame, self.config(), seed)?;
+            let embedding = self.embedding_for(&sketch, config, seed)?;
+            let heights = self.run(&sketch, embedding.as_ref(), seed)?;
+            let corrected = match &frame.correction {
+                Some(correction) => correction.correct(&heights),
+                None => finish(&kept.lines, heights, config.correction)?.into_vec(),
+            };
+            let Some(base) = frame.base() else { continue };
+            evidence.add(lines, kept, base, &corrected);
         }
+        Ok(evidence.trust())
     }
 
     fn run(&self, sketch: &Prepared, embedding: Option<&Tensor>, seed: Seed) -> Result<Vec<f32>> {

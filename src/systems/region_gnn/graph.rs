@@ -1,7 +1,7 @@
 //! The bipartite graph of pixels and regions (Liu & Benes 2025, 4.2): every pixel to its k nearest parts.
 
 use super::config::{HeightFrame, RegionGnnConfig};
-use super::edge_features::{EdgeFeatures, Stored};
+use super::edge_features::{EdgeFeatures, Stored, Surroundings};
 use super::nearest::nearest_regions;
 use super::region::{Projection, Region};
 use crate::error::{Error, Result};
@@ -152,11 +152,18 @@ impl RegionGraph {
 
     fn store(&self, pixel: usize, region: usize, projection: Projection) -> Stored {
         let region = &self.regions[region];
-        let height = match &self.anchor {
-            Some(anchor) => (region.height(projection.index) - anchor.base[pixel]) / anchor.scale,
-            None => 0.0,
+        let surroundings = match &self.anchor {
+            Some(anchor) => {
+                let near = &self.distances[pixel * self.k..(pixel + 1) * self.k];
+                Surroundings {
+                    height: (region.height(projection.index) - anchor.base[pixel]) / anchor.scale,
+                    nearest: near[0],
+                    mean: near.iter().sum::<f32>() / self.k as f32,
+                }
+            }
+            None => Surroundings::default(),
         };
-        self.features.store(region, self.cell(pixel), projection, height)
+        self.features.store(region, self.cell(pixel), projection, &surroundings)
     }
 
     /// (rows, columns) of the map.

@@ -20,6 +20,7 @@ mod plain;
 mod region;
 pub mod style;
 mod train;
+mod trust;
 
 pub use checkpoint::Checkpoints;
 pub use config::{Preset, RegionGnnConfig};

@@ -27,6 +27,8 @@ use std::sync::Arc;
 pub const KEY: &str = "monadnock";
 /// Version of the file format that this program writes and reads.
 const VERSION: u32 = 1;
+/// More groups of held-out strokes cost time and tell nothing new.
+const MOST_FOLDS: usize = 16;
 /// No style comes near this size; a larger file is something else.
 const LARGEST_FILE: u64 = 1 << 30;
 
@@ -57,6 +59,10 @@ impl StyleConfig {
         self.extraction.validate()?;
         self.model.validate()?;
         self.generation.matching.validate()?;
+        if self.generation.folds == 1 || self.generation.folds > MOST_FOLDS {
+            let allowed = format!("allowed: 0, or 2 to {MOST_FOLDS}");
+            return Err(Error::value("generation.folds", self.generation.folds, allowed));
+        }
         if needs_correction(&self.model) && self.generation.correction.is_none() {
             return Err(Error::value(
                 "generation.correction",

@@ -114,6 +114,11 @@ impl LineFrame {
         };
         Ok(Self { correction, base })
     }
+
+    /// The base of an anchored model, one value a pixel.
+    pub(super) fn base(&self) -> Option<&[f32]> {
+        self.base.as_deref()
+    }
 }
 
 /// A sketch made ready for training or inference.
@@ -192,6 +197,7 @@ pub fn train(
         valid: exemplar.valid.as_slice().to_vec(),
     };
     let objective = Objective { ssim: SsimLoss::new(&target), target, config };
+    let weights = sample_weights(samples.iter().map(|(sample, _)| &*sample.graph), &objective.target);
     let network = Network::new(config, first.parts.len(), seed)?;
     let preparation_seconds = started.elapsed().as_secs_f64();
 
@@ -231,7 +237,7 @@ pub fn train(
         if let Some((what, value)) = losses.first_not_finite() {
             return Err(Error::Diverged { epoch, what, value });
         }
-        let gradients = surrogate.backward()?;
+        let gradients = (surrogate * weights[choice])?.backward()?;
         adam.update(network.params().iter().map(|(_, var)| var), &gradients, rate)?;
         times.push(epoch_begun.elapsed().as_secs_f64());
         let report = EpochReport {
@@ -243,7 +249,7 @@ pub fn train(
             losses,
             seconds: elapsed(),
         };
-        progress.count(report, losses.weighted(&config.losses));
+        progress.count(report, weights[choice] * losses.weighted(&config.losses));
         (control.progress)(&report);
         if let Some(c) = control.checkpoints.as_ref().filter(|c| kept.elapsed() >= c.interval) {
             // A state that is no longer finite must not replace one that is.
@@ -270,6 +276,20 @@ pub fn train(
     };
     let parts = first.parts.clone();
     Ok((network, parts, record))
+}
+
+/// Weight of each extraction's losses: the error of its base against that of the first one's, so that thin sketches, whose
+/// errors are larger, do not drown dense ones. All 1 without a base.
+fn sample_weights<'a>(graphs: impl Iterator<Item = &'a RegionGraph>, target: &Target) -> Vec<f64> {
+    let error = |graph: &RegionGraph| -> f64 {
+        let Some(anchor) = graph.anchor_frame() else { return 1.0 };
+        let cells = anchor.base.iter().zip(&target.heights).zip(&target.valid).filter(|(_, ok)| **ok);
+        let sum: f64 = cells.map(|((&base, z), _)| (f64::from(base) - z).powi(2)).sum();
+        // A base without error gives no measure; the floor keeps the quotient finite.
+        (sum / target.valid_count() as f64).max(1e-12)
+    };
+    let errors: Vec<f64> = graphs.map(error).collect();
+    errors.iter().map(|e| errors[0] / e).collect()
 }
 
 /// The extractions of an exemplar as graphs, with their corrections where the losses go through them.
