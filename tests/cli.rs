@@ -498,7 +498,7 @@ fn options_stand_under_the_heading_that_they_belong_to() {
             assert!(!reading.contains(option), "{verb}: {option} is no matter of reading terrain: {reading}");
         }
         let own = under_heading(&help, "Options:");
-        let options = help.lines().filter_map(|line| line.trim_start().split_whitespace().next());
+        let options = help.lines().filter_map(|line| line.split_whitespace().next());
         assert!(own.matches("  --").count() >= 1, "{verb}: {own}");
         assert_eq!(options.filter(|word| *word == "Options:").count(), 1, "{verb}: {help}");
     }
