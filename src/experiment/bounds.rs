@@ -179,3 +179,110 @@ fn words(bound: &Bound, system: &str) -> String {
     };
     format!("{system}: {}{against}, {over}{sketch}, {limits}", bound.metric)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::rows::{Key, ScoreRow};
+
+    /// Two areas with two patches and two seeds; scores by a formula.
+    fn table(score: impl Fn(&str, &str, usize, u64) -> Option<f64>) -> ScoreTable {
+        let mut rows = Vec::new();
+        for area in ["a", "b"] {
+            for row in [0, 128] {
+                for seed in [1, 2] {
+                    for system in ["anchored", "laplace", "nearest"] {
+                        let value = score(system, area, row, seed);
+                        let (system, area) = (system.to_owned(), area.to_owned());
+                        rows.push(ScoreRow {
+                            key: Key { system, area, row, col: 0, seed, sketch: "dense".into() },
+                            relief: 1.0,
+                            line_share: 0.1,
+                            values: vec![value],
+                            error: if value.is_none() { "broke".into() } else { String::new() },
+                        });
+                    }
+                }
+            }
+        }
+        ScoreTable { columns: vec!["psnr".into()], rows }
+    }
+
+    fn verdict(bound: &str, table: &ScoreTable) -> Verdict {
+        let text = format!(
+            "kind = 'neighbours'\ntitle = 't'\nquestion = 'q'\nseeds = [1, 2]\nbudget_minutes = 1\nmetrics = ['psnr']\n\
+             interpolators = ['laplace', 'nearest']\n[[style]]\nname = 'anchored'\n[[area]]\nname = 'a'\n[[area]]\n\
+             name = 'b'\n[[bound]]\nmetric = 'psnr'\n{bound}\n"
+        );
+        let spec: ExperimentSpec = toml::from_str(&text).unwrap();
+        spec.validate().unwrap();
+        check(&spec, table).unwrap().remove(0)
+    }
+
+    /// Against laplace the model wins area b and loses patch 128 of area a with seed 2; against nearest the other way round.
+    fn formula(system: &str, area: &str, row: usize, seed: u64) -> Option<f64> {
+        Some(match (system, area, row, seed) {
+            ("anchored", "a", 128, 2) => 24.0,
+            ("anchored", "a", _, _) => 30.0,
+            ("anchored", ..) => 21.0,
+            ("laplace", "a", _, _) => 29.0,
+            ("laplace", ..) => 20.5,
+            ("nearest", "a", _, _) => 10.0,
+            _ => 20.75,
+        })
+    }
+
+    #[test]
+    fn means_are_taken_over_areas_patches_and_seeds_as_asked() {
+        let t = table(formula);
+        let worst = |bound: &str| {
+            let v = verdict(bound, &t);
+            (v.worst.unwrap(), v.checked, v.broken, v.is_kept())
+        };
+        // (30 + 30 + 30 + 24) / 4 = 28.5 and 21.
+        assert_eq!(worst("over = 'all-areas'\nmin = 24.75"), (24.75, 1, 0, true));
+        assert_eq!(worst("over = 'all-areas'\nmin = 24.76"), (24.75, 1, 1, false));
+        assert_eq!(worst("over = 'each-area'\nmax = 25"), (28.5, 2, 1, false));
+        assert_eq!(worst("over = 'each-area'\narea = 'b'\nmax = 25"), (21.0, 1, 0, true));
+        assert_eq!(worst("over = 'each-patch'\nmin = 20"), (21.0, 4, 0, true));
+        // The best interpolator of area a is laplace (29), of b nearest (20.75).
+        assert_eq!(worst("over = 'each-area'\nagainst = 'best-interpolator'\nmin = 0"), (-0.5, 2, 1, false));
+        assert_eq!(
+            worst("over = 'each-area'\narea = 'b'\nagainst = 'best-interpolator'\nmin = 0"),
+            (0.25, 1, 0, true)
+        );
+        // Over both areas laplace is the best: (-.5 + .5) / 2.
+        assert_eq!(worst("over = 'all-areas'\nagainst = 'best-interpolator'\nmin = 0"), (0.0, 1, 0, true));
+        let each = "over = 'all-areas'\nagainst = 'best-interpolator-of-each-patch'\nmin = 0";
+        assert_eq!(worst(each), (-0.125, 1, 1, false));
+        // Patch a 128: (1 + (-5)) / 2 over the seeds.
+        assert_eq!(worst("over = 'each-patch'\nagainst = 'best-interpolator'\nmin = -2"), (-2.0, 4, 0, true));
+        assert_eq!(
+            worst("over = 'each-patch'\nagainst = { system = 'nearest' }\nmin = 0.3"),
+            (0.25, 4, 2, false)
+        );
+        assert_eq!(worst("system = 'nearest'\nover = 'each-patch'\nmax = 10"), (20.75, 4, 2, false));
+        let text = verdict("over = 'each-patch'\nagainst = 'best-interpolator'\nmin = -1.5", &t).to_string();
+        assert!(
+            text.starts_with("BROKEN") && text.contains("a 128,0") && text.contains("3 of 4 keep it"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_failure_breaks_a_bound_unless_everything_failed_there() {
+        let failing = |all: bool| {
+            table(move |system, area, row, seed| {
+                let broken = area == "b" && row == 0 && (all || system == "anchored");
+                if broken { None } else { formula(system, area, row, seed) }
+            })
+        };
+        let bound = "over = 'each-patch'\nmin = 0";
+        let some = verdict(bound, &failing(false));
+        assert_eq!((some.failures, some.broken, some.is_kept()), (2, 0, false));
+        let all = verdict(bound, &failing(true));
+        assert_eq!((all.failures, all.checked, all.is_kept()), (0, 3, true));
+        let nothing = verdict(bound, &table(|_, _, _, _| None));
+        assert!(!nothing.is_kept() && nothing.to_string().contains("no score"));
+    }
+}

@@ -212,22 +212,39 @@ pub fn markers(document: &Path) -> Result<Vec<String>> {
         .collect()
 }
 
+/// The experiments whose tables in a document are not what their records in the folder `records` say.
+///
+/// # Errors
+/// When the document cannot be read or a marker has no end. A record that is not there makes its table stale.
+pub fn stale(document: &Path, records: &Path) -> Result<Vec<String>> {
+    let text = read(document)?;
+    let is_stale = |name: &String| {
+        let content = of_record(&Record::new(&records.join(name))).ok();
+        content.is_none_or(|content| spliced(&text, name, &content).is_none_or(|new| new != text))
+    };
+    Ok(markers(document)?.into_iter().filter(is_stale).collect())
+}
+
 /// Puts `content` between the markers of `name`; tells whether that changed the document.
 ///
 /// # Errors
 /// When the document has no such markers, or cannot be read or written.
 pub fn splice(document: &Path, name: &str, content: &str) -> Result<bool> {
     let text = read(document)?;
-    let Some((start, stop)) = between(&text, name) else {
+    let Some(spliced) = spliced(&text, name, content) else {
         let allowed = format!("allowed: a document with the lines {} and {}", begin(name), end(name));
         return Err(Error::file(document, "marker", "missing", allowed));
     };
-    let spliced = format!("{}\n{}\n\n{}", &text[..start], content.trim_end(), &text[stop..]);
     if spliced == text {
         return Ok(false);
     }
     file::write_bytes(document, spliced.as_bytes())?;
     Ok(true)
+}
+
+fn spliced(text: &str, name: &str, content: &str) -> Option<String> {
+    let (start, stop) = between(text, name)?;
+    Some(format!("{}\n{}\n\n{}", &text[..start], content.trim_end(), &text[stop..]))
 }
 
 fn begin(name: &str) -> String {

@@ -122,7 +122,10 @@ impl Page<'_> {
                 );
                 seconds(&what, s.seconds)
             }))
-            .commands([format!("monadnock experiment run {}", self.record.path("resolved.toml").display())])
+            .commands([
+                "monadnock experiment run resolved.toml --out again",
+                "cmp scores.csv again/scores.csv",
+            ])
             .subsection("The experiment as it was run")
             .listing(spec.to_toml());
         Ok(report.finish())

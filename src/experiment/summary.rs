@@ -3,7 +3,7 @@
 //! Every mean is over the cells (patch and seed) that have a finite score. The mean of all areas is the mean of the areas' means,
 //! so that an area with many patches does not outweigh the others. Differences are taken cell by cell.
 
-use super::rows::ScoreTable;
+use super::rows::{ScoreRow, ScoreTable};
 use super::spec::{ExperimentSpec, lower_is_better};
 use crate::error::Result;
 use std::collections::BTreeMap;
@@ -44,6 +44,8 @@ pub struct Summaries<'a> {
     spec: &'a ExperimentSpec,
     table: &'a ScoreTable,
     interpolators: Vec<String>,
+    /// Rows of every (system, area, sketch).
+    index: BTreeMap<(&'a str, &'a str, &'a str), Vec<&'a ScoreRow>>,
 }
 
 impl<'a> Summaries<'a> {
@@ -52,7 +54,12 @@ impl<'a> Summaries<'a> {
     /// # Errors
     /// When the experiment names an interpolator that there is not.
     pub fn new(spec: &'a ExperimentSpec, table: &'a ScoreTable) -> Result<Self> {
-        Ok(Self { spec, table, interpolators: spec.interpolator_names()? })
+        let mut index: BTreeMap<_, Vec<&ScoreRow>> = BTreeMap::new();
+        for row in &table.rows {
+            let k = &row.key;
+            index.entry((k.system.as_str(), k.area.as_str(), k.sketch.as_str())).or_default().push(row);
+        }
+        Ok(Self { spec, table, interpolators: spec.interpolator_names()?, index })
     }
 
     /// The interpolators that the experiment compares.
@@ -65,10 +72,7 @@ impl<'a> Summaries<'a> {
     #[must_use]
     pub fn cells(&self, system: &str, area: &str, sketch: &str, metric: &str) -> Cells {
         let Some(column) = self.table.column(metric) else { return Cells::new() };
-        let rows = self.table.rows.iter().filter(|row| {
-            let k = &row.key;
-            (k.system.as_str(), k.area.as_str(), k.sketch.as_str()) == (system, area, sketch)
-        });
+        let rows = self.index.get(&(system, area, sketch)).into_iter().flatten();
         let scored = rows.filter_map(|row| Some((row, row.values[column].filter(|v| v.is_finite())?)));
         scored.map(|(row, value)| ((row.key.row, row.key.col, row.key.seed), value)).collect()
     }
@@ -117,7 +121,7 @@ impl<'a> Summaries<'a> {
     #[must_use]
     pub fn failures(&self, system: &str, area: &str, sketch: &str) -> usize {
         let rows = || self.table.rows.iter().filter(|row| row.key.area == area && row.key.sketch == sketch);
-        let cell = |row: &super::rows::ScoreRow| (row.key.row, row.key.col, row.key.seed);
+        let cell = |row: &ScoreRow| (row.key.row, row.key.col, row.key.seed);
         let possible: std::collections::BTreeSet<CellKey> =
             rows().filter(|row| row.error.is_empty()).map(cell).collect();
         let failed = rows().filter(|row| row.key.system == system && !row.error.is_empty());

@@ -104,7 +104,7 @@ fn parameter_gradients_equal_finite_differences() {
         let original = var.flatten_all().unwrap().to_vec1::<f32>().unwrap();
         let norm = gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
         // Along the gradient the slope is its norm.
-        let step = 1e-4;
+        let step = 2e-4;
         let at = |shift: f64| {
             let moved: Vec<f32> = original
                 .iter()
@@ -116,7 +116,7 @@ fn parameter_gradients_equal_finite_differences() {
         };
         let difference = (at(step) - at(-step)) / (2.0 * step);
         network.params().assign(name, &original).unwrap();
-        assert!((difference - norm).abs() < 0.1 * norm + 2e-3, "{name}: {difference} against {norm}");
+        assert!((difference - norm).abs() < 0.1 * norm + 1e-2, "{name}: {difference} against {norm}");
     }
 }
 

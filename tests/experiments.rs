@@ -1,0 +1,438 @@
+//! Experiments from the outside: their files, a run with its record, continuing and repeating it, reports and documents.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use assert_cmd::Command;
+use monadnock::experiment::record::Record;
+use monadnock::experiment::resolve::{Terrain, resolve};
+use monadnock::experiment::run::{Event, RunOptions, run};
+use monadnock::experiment::spec::Kind;
+use monadnock::experiment::{ExperimentSpec, bounds, markdown, report};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Two systems beside an interpolator on two patches with two seeds, in a few seconds.
+const SMALL: &str = r#"
+kind = "neighbours"
+title = "Small"
+question = "Does it run?"
+seeds = [1, 2]
+budget_minutes = 1
+metrics = ["ssim", "psnr"]
+pictures = 1
+interpolators = ["nearest"]
+patches_per_area = 2
+[overrides.model]
+epochs = 2
+extractions = 1
+splits = 1
+[[style]]
+name = "one"
+[[style]]
+name = "thin"
+set.model.width = 16
+[[area]]
+name = "sierra"
+exemplar = [128, 0, 64]
+[[bound]]
+metric = "ssim"
+over = "each-patch"
+min = 0.5
+"#;
+
+fn spec(text: &str) -> monadnock::Result<ExperimentSpec> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("small.toml");
+    fs::write(&path, text).unwrap();
+    ExperimentSpec::read(&path)
+}
+
+fn options(out: &Path, jobs: usize) -> RunOptions {
+    fs::create_dir_all(out).unwrap();
+    RunOptions { out: out.to_owned(), jobs, restart: false }
+}
+
+fn scores(out: &Path) -> String {
+    fs::read_to_string(out.join("scores.csv")).unwrap()
+}
+
+/// The files of a folder of experiments by name.
+fn experiments(folder: &str) -> Vec<(String, ExperimentSpec)> {
+    let files = fs::read_dir(root().join("experiments").join(folder)).unwrap();
+    let mut paths: Vec<PathBuf> = files.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let tomls = paths.into_iter().filter(|p| p.extension().is_some_and(|e| e == "toml"));
+    tomls
+        .map(|p| (p.file_stem().unwrap().to_str().unwrap().to_owned(), ExperimentSpec::read(&p).unwrap()))
+        .collect()
+}
+
+#[test]
+fn every_experiment_can_be_run_and_has_a_quick_twin() {
+    let (full, quick) = (experiments("full"), experiments("quick"));
+    assert!(full.len() >= 4, "{}", full.len());
+    for (name, spec) in &full {
+        assert!(spec.seeds.len() >= 3, "{name}: {} seeds", spec.seeds.len());
+        assert!(!spec.bound.is_empty(), "{name} expects nothing");
+        let twin =
+            quick.iter().find(|(twin, _)| twin == name).unwrap_or_else(|| panic!("{name} has no twin"));
+        assert_eq!(twin.1.kind, spec.kind, "{name}");
+    }
+    for (name, spec) in &quick {
+        assert!(full.iter().any(|(other, _)| other == name), "{name} is the twin of nothing");
+        // The embedded tiles alone.
+        resolve(spec, &Terrain::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    let kinds: Vec<Kind> = full.iter().map(|(_, spec)| spec.kind).collect();
+    for kind in [Kind::Neighbours, Kind::Fit, Kind::Sparse, Kind::Ablation] {
+        assert!(kinds.contains(&kind), "{kind:?}");
+    }
+}
+
+#[test]
+fn bad_values_are_named_with_what_is_allowed() {
+    spec(SMALL).unwrap();
+    let refused = |from: &str, to: &str, words: &[&str]| {
+        assert!(SMALL.contains(from), "{from}");
+        let message = spec(&SMALL.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(message.contains("small.toml"), "{message}");
+        words.iter().for_each(|word| assert!(message.contains(word), "{word:?} is missing in: {message}"));
+    };
+    refused("kind = \"neighbours\"", "kind = \"magic\"", &["magic", "neighbours"]);
+    refused("title = \"Small\"", "title = \"Small\"\ntitel = 3", &["titel"]);
+    refused("title = \"Small\"", "title = \" \"", &["title", "empty"]);
+    refused("seeds = [1, 2]", "seeds = []", &["seeds", "at least one"]);
+    refused("seeds = [1, 2]", "seeds = [1, 1]", &["seeds is 1", "once"]);
+    refused("budget_minutes = 1", "budget_minutes = 0", &["budget_minutes is 0", "above 0"]);
+    refused("\"psnr\"]", "\"pnsr\"]", &["metrics", "pnsr", "interior_ssim"]);
+    refused("[\"nearest\"]", "[\"closest\"]", &["interpolators", "closest", "natural-neighbour"]);
+    refused("patches_per_area = 2", "patches_per_area = 0", &["patches_per_area"]);
+    refused("epochs = 2", "epochs = 0", &["style \"one\"", "epochs", "1 to"]);
+    refused("epochs = 2", "epoch = 2", &["style \"one\"", "epoch"]);
+    refused("name = \"thin\"", "name = \"one\"", &["style names", "one"]);
+    refused("name = \"thin\"", "name = \"a b\"", &["a b", "letters"]);
+    refused("name = \"thin\"", "name = \"thin\"\nsystems = [\"gan\"]", &["thin", "gan", "gnn"]);
+    refused("exemplar = [128, 0, 64]", "exemplar = [128]", &["exemplar", "sierra", "[128]"]);
+    refused("exemplar", "patches = [[0, 0], [0, 0]]\nexemplar", &["patches", "[0, 0]", "once"]);
+    refused("metric = \"ssim\"", "metric = \"mse\"", &["metric of bound 1", "mse"]);
+    refused("min = 0.5", "min = 2\nmax = 1", &["min of bound 1", "2"]);
+    refused("min = 0.5", "", &["min and max of bound 1"]);
+    refused("min = 0.5", "min = 0\nagainst = { system = \"none\" }", &["against.system", "none", "nearest"]);
+    refused("kind = \"neighbours\"", "kind = \"sparse\"", &["number of sketches is 0", "at least 2"]);
+    refused("kind = \"neighbours\"", "kind = \"fit\"", &["fit"]);
+    refused("title = \"Small\"", "title = \"Small\"\nbaseline = \"one\"", &["baseline", "ablation"]);
+    refused("title = \"Small\"", "title = \"Small\"\nhighlight = \"two\"", &["highlight", "two", "thin"]);
+
+    let unresolved = |from: &str, to: &str, words: &[&str]| {
+        let spec = spec(&SMALL.replacen(from, to, 1)).unwrap();
+        let message = resolve(&spec, &Terrain::default()).unwrap_err().to_string();
+        words.iter().for_each(|word| assert!(message.contains(word), "{word:?} is missing in: {message}"));
+    };
+    unresolved("name = \"sierra\"", "name = \"alps\"", &["alps", "sierra, grand-canyon", "--data"]);
+    unresolved("[128, 0, 64]", "[500, 0, 64]", &["500", "sierra"]);
+    unresolved("exemplar", "fingerprint = \"00\"\nexemplar", &["fingerprint", "sierra", "00"]);
+    let overlap = &["patch 64,60", "shares cells", "128,0", "apart"];
+    unresolved("exemplar", "patches = [[0, 128], [64, 60]]\nexemplar", overlap);
+    unresolved("exemplar", "patches = [[500, 0]]\nexemplar", &["500"]);
+}
+
+#[test]
+fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let resolved = resolve(&spec(SMALL).unwrap(), &Terrain::default()).unwrap();
+    let outcome = run(&resolved, &options(&at("a"), 1), &|_| {}).unwrap();
+    assert_eq!((outcome.rows, outcome.failed), (2 * 2 * 3, 0));
+    let first = scores(&at("a"));
+    assert_eq!(first.lines().count(), 1 + outcome.rows);
+    assert!(first.lines().next().unwrap().contains("interior_ssim"));
+    assert!(fs::read_dir(at("a/pictures")).unwrap().count() == 1);
+    let record = Record::new(&at("a"));
+    let training = record.training().unwrap();
+    assert_eq!(training.len(), 4);
+    assert!(
+        training.iter().all(|t| t.epochs == 2 && t.seconds > 0.0 && t.parameters > 100 && t.error.is_empty())
+    );
+    // Interpolators draw nothing at random; trained styles do.
+    let table = record.scores().unwrap();
+    let of = |system: &str, seed: u64| -> Vec<Option<f64>> {
+        let rows = table.rows.iter().filter(|r| r.key.system == system && r.key.seed == seed);
+        rows.map(|r| r.values[0]).collect()
+    };
+    assert_eq!(of("nearest", 1), of("nearest", 2));
+    assert_ne!(of("one", 1), of("one", 2));
+    assert_ne!(of("one", 1), of("thin", 1));
+
+    // As if it had been killed in the middle of a line: nothing that was finished is done again.
+    let journal = fs::read_to_string(at("a/journal.csv")).unwrap();
+    let lines: Vec<&str> = journal.split_inclusive('\n').collect();
+    assert_eq!(lines.len(), 12);
+    let torn = lines[..6].concat() + &lines[6][..lines[6].len() / 2];
+    fs::write(at("a/journal.csv"), &torn).unwrap();
+    fs::remove_file(at("a/scores.csv")).unwrap();
+    let events = Mutex::new(Vec::new());
+    run(&resolved, &options(&at("a"), 1), &|event| events.lock().unwrap().push(event)).unwrap();
+    assert_eq!(scores(&at("a")), first);
+    let events = events.into_inner().unwrap();
+    assert!(events.contains(&Event::Training { styles: 4, cached: 4, steps: 0 }), "{events:?}");
+    assert!(events.contains(&Event::Scoring { rows: 6, kept: 6 }), "{events:?}");
+    assert!(fs::read_to_string(at("a/journal.csv")).unwrap().starts_with(&lines[..6].concat()));
+    assert_eq!(record.machine().unwrap().session.len(), 2);
+
+    // A style file that is torn is trained again; the journal alone does not make a run.
+    let style = fs::read_dir(at("a/styles")).unwrap().next().unwrap().unwrap().path();
+    fs::write(&style, b"torn").unwrap();
+    run(&resolved, &options(&at("a"), 2), &|_| {}).unwrap();
+    assert_eq!(scores(&at("a")), first);
+
+    // From the record's own file, with other jobs.
+    let again = ExperimentSpec::read(&at("a/resolved.toml")).unwrap();
+    assert_eq!(again, resolved.spec);
+    let again = resolve(&again, &Terrain::default()).unwrap();
+    assert_eq!(again.spec, resolved.spec, "nothing is left open in a resolved file");
+    run(&again, &options(&at("b"), 3), &|_| {}).unwrap();
+    assert_eq!(scores(&at("b")), first);
+    assert_eq!(fs::read(at("a/resolved.toml")).unwrap(), fs::read(at("b/resolved.toml")).unwrap());
+
+    // Another experiment or another build does not get mixed in.
+    let other =
+        resolve(&spec(&SMALL.replace("epochs = 2", "epochs = 3")).unwrap(), &Terrain::default()).unwrap();
+    let message = run(&other, &options(&at("b"), 1), &|_| {}).unwrap_err().to_string();
+    assert!(message.contains("another experiment") && message.contains("--restart"), "{message}");
+    let mut machine = Record::new(&at("b")).machine().unwrap();
+    machine.program_sha256 = "another".into();
+    Record::new(&at("b")).write_machine(&machine).unwrap();
+    let message = run(&resolved, &options(&at("b"), 1), &|_| {}).unwrap_err().to_string();
+    assert!(message.contains("another build") && message.contains("--restart"), "{message}");
+    let restart = RunOptions { restart: true, ..options(&at("b"), 1) };
+    run(&other, &restart, &|_| {}).unwrap();
+    assert_ne!(scores(&at("b")), first);
+    // Words may change, and so may what is expected.
+    let mut reworded = other.clone();
+    reworded.spec.analysis = "Now it is clear.".into();
+    reworded.spec.bound.clear();
+    run(&reworded, &options(&at("b"), 1), &|_| {}).unwrap();
+    assert_eq!(Record::new(&at("b")).spec().unwrap().analysis, "Now it is clear.");
+    // A damaged journal is not passed over.
+    fs::write(at("b/journal.csv"), "one,sierra,many\n").unwrap();
+    assert!(
+        run(&reworded, &options(&at("b"), 1), &|_| {})
+            .unwrap_err()
+            .to_string()
+            .contains("journal.csv: line 1")
+    );
+}
+
+/// An exemplar on which a style finds no line cannot be learned from: rows with that error, no hole, and a broken bound.
+#[test]
+fn what_fails_is_a_row_with_its_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = SMALL.replace("set.model.width = 16", "set.extraction.min_accumulation = 4000000000");
+    let text =
+        text.replace("seeds = [1, 2]", "seeds = [3]").replace("min = 0.5", "system = \"thin\"\nmin = 0.5");
+    let resolved = resolve(&spec(&text).unwrap(), &Terrain::default()).unwrap();
+    let told = Mutex::new(0);
+    let outcome = run(&resolved, &options(folder.path(), 1), &|event| {
+        *told.lock().unwrap() += usize::from(matches!(event, Event::Failed(_)));
+    })
+    .unwrap();
+    assert_eq!((outcome.rows, outcome.failed), (6, 2));
+    assert!(told.into_inner().unwrap() >= 3, "the training and two rows");
+    let record = Record::new(folder.path());
+    let table = record.scores().unwrap();
+    for row in table.rows.iter().filter(|row| row.key.system == "thin") {
+        assert!(row.error.contains("number of line cells is 0"), "{}", row.error);
+        assert!(row.values.iter().all(Option::is_none));
+    }
+    assert!(record.training().unwrap()[1].error.contains("line cells"));
+    let verdict = bounds::check(&resolved.spec, &table).unwrap().remove(0);
+    assert!(!verdict.is_kept() && verdict.failures == 2, "{verdict}");
+    let page = fs::read_to_string(report::write(&record).unwrap()).unwrap();
+    assert!(page.contains("of which 2 failed") && page.contains("number of line cells is 0"));
+}
+
+#[test]
+fn a_fit_gives_every_loss_and_agrees_with_the_styles_own_record() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = r#"
+kind = "fit"
+title = "Fit"
+question = "How close?"
+seeds = [5]
+budget_minutes = 1
+metrics = ["ssim", "l_gt"]
+interpolators = ["laplace"]
+[[style]]
+name = "anchored"
+set.model = { epochs = 3, extractions = 2, splits = 1 }
+[[area]]
+name = "grand-canyon"
+exemplar = [64, 64, 64]
+"#;
+    let resolved = resolve(&spec(text).unwrap(), &Terrain::default()).unwrap();
+    run(&resolved, &options(folder.path(), 1), &|_| {}).unwrap();
+    let table = Record::new(folder.path()).scores().unwrap();
+    assert_eq!(table.rows.len(), 2);
+    let style = fs::read_dir(folder.path().join("styles")).unwrap().next().unwrap().unwrap().path();
+    let training = monadnock::systems::region_gnn::Style::load(&style).unwrap().info.training;
+    let value = |row: usize, name: &str| table.rows[row].values[table.column(name).unwrap()];
+    let near = |a: f64, b: f64| assert!((a - b).abs() <= 1e-6 * b.abs(), "{a} {b}");
+    near(value(0, "ssim").unwrap(), training.ssim);
+    near(value(0, "psnr").unwrap(), training.psnr);
+    near(value(0, "l_gt").unwrap(), training.l_gt);
+    let last = training.history.last().unwrap().losses;
+    near(value(0, "train_l_gradient").unwrap(), last.gradient);
+    near(value(0, "train_l_sketch").unwrap(), last.sketch);
+    near(value(0, "train_ssim").unwrap(), 1.0 - last.ssim);
+    assert_eq!((value(1, "train_l_gt"), value(1, "l_gt").is_some()), (None, true), "laplace learns nothing");
+}
+
+/// What the project's own documents show is what the records say.
+#[test]
+fn tables_in_documents_are_those_of_the_records() {
+    let records = root().join("experiments/records");
+    for document in ["README.md", "docs/experiments.md"] {
+        let path = root().join(document);
+        assert_eq!(markdown::stale(&path, &records).unwrap(), Vec::<String>::new(), "{document}");
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    let (records, document) = (folder.path().join("records"), folder.path().join("README.md"));
+    let text = "# Title\n<!-- experiment small -->\nformer text\n<!-- /experiment small -->\nend\n";
+    fs::write(&document, text).unwrap();
+    assert_eq!(markdown::stale(&document, &records).unwrap(), ["small"], "there is no record");
+    let small = SMALL.replace("seeds = [1, 2]", "seeds = [1]").replace("pictures = 1", "pictures = 0");
+    let resolved = resolve(&spec(&small).unwrap(), &Terrain::default()).unwrap();
+    run(&resolved, &options(&records.join("small"), 1), &|_| {}).unwrap();
+    let record = Record::new(&records.join("small"));
+    let content = markdown::of_record(&record).unwrap();
+    assert_eq!(markdown::stale(&document, &records).unwrap(), ["small"]);
+    assert!(markdown::splice(&document, "small", &content).unwrap());
+    assert!(!markdown::splice(&document, "small", &content).unwrap(), "the second time changes nothing");
+    assert_eq!(markdown::stale(&document, &records).unwrap(), Vec::<String>::new());
+    let spliced = fs::read_to_string(&document).unwrap();
+    assert!(
+        spliced.starts_with("# Title\n<!-- experiment small -->\n") && spliced.ends_with("\nend\n"),
+        "{spliced}"
+    );
+    assert!(
+        spliced.contains("| sierra | 2 |") && spliced.contains("`one`") && !spliced.contains("former"),
+        "{spliced}"
+    );
+    // Another number in the record, or in the document.
+    let scores = fs::read_to_string(records.join("small/scores.csv")).unwrap();
+    let altered: Vec<String> = scores.lines().map(|l| l.replace(",0.9", ",0.8")).collect();
+    fs::write(records.join("small/scores.csv"), altered.join("\n")).unwrap();
+    assert_eq!(markdown::stale(&document, &records).unwrap(), ["small"]);
+    assert!(
+        markdown::splice(&document, "large", "x")
+            .unwrap_err()
+            .to_string()
+            .contains("<!-- experiment large -->")
+    );
+    fs::write(&document, "<!-- experiment small -->\n").unwrap();
+    assert!(markdown::markers(&document).unwrap_err().to_string().contains("without an end"));
+}
+
+fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {
+    let output = Command::cargo_bin("monadnock").unwrap().current_dir(folder).args(args).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap_or(-1), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn the_program_runs_lists_and_reports_experiments() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for kind in ["full", "quick"] {
+        fs::create_dir_all(at.join("experiments").join(kind)).unwrap();
+    }
+    let full = SMALL.replace("seeds = [1, 2]", "seeds = [1, 2, 3]").replace("epochs = 2", "epochs = 200");
+    let quick = SMALL.replace("seeds = [1, 2]", "seeds = [1]");
+    fs::write(at.join("experiments/full/small.toml"), full).unwrap();
+    fs::write(at.join("experiments/quick/small.toml"), quick).unwrap();
+    let (code, out, err) = program(at, &["experiment", "run", "experiments/full/small.toml", "--quick"]);
+    assert_eq!(code, 0, "{out}{err}");
+    assert!(out.contains("6 rows, 0 failed") && out.contains("kept    one: ssim"), "{out}");
+    let record = at.join("experiments/records/quick/small");
+    let page = fs::read_to_string(record.join("report.html")).unwrap();
+    for words in [
+        "Does it run?",
+        "SSIM",
+        "PSNR, dB",
+        "patches x 1 seeds",
+        "kept",
+        "data:image/png",
+        "<svg",
+        "cores",
+        "epochs = 2",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+    assert!(!page.contains("http") && !page.contains(at.to_str().unwrap()));
+    assert!(fs::read_to_string(record.join("plots/ssim-dense.svg")).unwrap().contains("<svg"));
+    let (code, out, _) = program(at, &["experiment", "list"]);
+    assert_eq!(code, 0);
+    assert!(out.contains("not run") && out.contains("6 rows, 1 of 1 bounds kept"), "{out}");
+
+    fs::write(at.join("README.md"), "<!-- experiment small -->\n<!-- /experiment small -->\n").unwrap();
+    fs::remove_file(record.join("report.html")).unwrap();
+    let file = "experiments/quick/small.toml";
+    let (code, out, err) = program(at, &["experiment", "report", file, "--splice", "README.md"]);
+    assert_eq!(code, 0, "{err}");
+    assert!(out.contains("tables written") && record.join("report.html").is_file(), "{out}");
+    assert!(fs::read_to_string(at.join("README.md")).unwrap().contains("| sierra |"));
+
+    // A bound that is broken is exit code 1, and the record is there all the same.
+    let hopeless = SMALL.replace("seeds = [1, 2]", "seeds = [1]").replace("min = 0.5", "min = 0.9999");
+    fs::write(at.join("hopeless.toml"), hopeless).unwrap();
+    let (code, out, err) = program(at, &["experiment", "run", "hopeless.toml"]);
+    assert_eq!(code, 1);
+    assert!(out.contains("BROKEN") && err.contains("hopeless.toml: broken bounds is 1"), "{out}{err}");
+    assert!(at.join("records/hopeless/report.html").is_file());
+    let fails = |args: &[&str], words: &[&str]| {
+        let (code, _, err) = program(at, args);
+        assert_eq!(code, 1, "{args:?}: {err}");
+        words.iter().for_each(|word| assert!(err.contains(word), "{word:?} is missing in: {err}"));
+    };
+    fails(&["experiment", "run", "hopeless.toml", "--quick"], &["--quick", "no twin"]);
+    fails(&["experiment", "run", "gone.toml"], &["gone.toml"]);
+    fails(&["experiment", "run", "records/hopeless/resolved.toml"], &["--out"]);
+    fails(&["experiment", "run", "hopeless.toml", "--data", "nowhere"], &["nowhere", "manifest.toml"]);
+    fails(&["experiment", "report", "experiments/full/small.toml"], &["small", "resolved.toml"]);
+    fails(&["experiment", "report", "all"], &["experiments/full", "records"]);
+    fails(&["experiment", "list", "records"], &["records"]);
+}
+
+#[test]
+fn terrain_of_ones_own_joins_by_a_manifest() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::create_dir(at.join("mine")).unwrap();
+    fs::copy(root().join("data/grand-canyon.tif"), at.join("mine/canyon.tif")).unwrap();
+    let add = ["data", "add", "mine/canyon.tif", "--what", "a canyon", "--licence", "free"];
+    let (code, out, err) = program(at, &add);
+    assert_eq!(code, 0, "{err}");
+    assert!(out.contains("name = \"canyon\"") && out.contains("elevation = [479.0, 2347.0]"), "{out}");
+    let (code, _, err) = program(at, &add);
+    assert!(code == 1 && err.contains("canyon") && err.contains("mine/manifest.toml"), "{err}");
+    let (code, out, _) = program(at, &["data", "list", "mine/manifest.toml"]);
+    assert!(code == 0 && out.contains("512 x 512 cells of 61.7 m") && out.contains("a canyon"), "{out}");
+    let small = SMALL.replace("\"sierra\"", "\"canyon\"").replace("seeds = [1, 2]", "seeds = [1]");
+    fs::write(at.join("own.toml"), small).unwrap();
+    let (code, _, err) = program(at, &["experiment", "run", "own.toml"]);
+    assert!(code == 1 && err.contains("canyon") && err.contains("--data"), "{err}");
+    let (code, out, err) = program(at, &["experiment", "run", "own.toml", "--data", "mine"]);
+    assert_eq!(code, 0, "{out}{err}");
+    let mut bytes = fs::read(at.join("mine/canyon.tif")).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::write(at.join("mine/canyon.tif"), bytes).unwrap();
+    let (code, _, err) = program(at, &["data", "list", "mine/manifest.toml"]);
+    assert!(code == 1 && err.contains("sha256") && err.contains("canyon.tif"), "{err}");
+}
