@@ -3,6 +3,7 @@
 
 mod adam;
 mod contiguous;
+pub mod convolution;
 mod layer_norm;
 mod param_store;
 
