@@ -3,4 +3,5 @@
 pub mod task;
 pub mod classical;
 pub mod region_gnn;
+pub mod singan;
 pub mod registry;
