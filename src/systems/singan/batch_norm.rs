@@ -185,7 +185,8 @@ impl Projection {
     /// s P(u) of one row.
     fn apply(&self, unit: &[f32], u: &[f32], scales: &[f32], out: &mut [f32]) {
         let channels = scales.len();
-        let rows = out.chunks_exact_mut(channels).zip(unit.chunks_exact(channels)).zip(u.chunks_exact(channels));
+        let rows =
+            out.chunks_exact_mut(channels).zip(unit.chunks_exact(channels)).zip(u.chunks_exact(channels));
         for ((out, x), u) in rows {
             for c in 0..channels {
                 out[c] = scales[c] * (u[c] - self.mean[c] - x[c] * self.along[c]);
