@@ -14,7 +14,7 @@ use monadnock::dem::io::{self, ReadOptions, WriteOptions};
 use monadnock::dem::{Dem, Normalization};
 use monadnock::extract;
 use monadnock::grid::{Cell, Grid};
-use monadnock::interpolation::{Correction, CorrectionKind};
+use monadnock::interpolation::{Correction, CorrectionKind, NaturalNeighbours};
 use monadnock::metrics::{Scores, Summary, psnr};
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
@@ -34,10 +34,23 @@ fn main() -> Result<()> {
     let e = &style.info.exemplar;
     let window = dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?;
     let heights = Normalization::of(&window).normalize(&window);
-    let (config, how, given) = parse(settings);
+    let no_twins = settings.iter().any(|s| s == "twins=0");
+    let settings: Vec<String> = settings.iter().filter(|s| *s != "twins=0").cloned().collect();
+    let (config, how, given) = parse(&settings);
+    let given = given || no_twins;
     let stored = PathBuf::from(held).join("detail.json");
     let detail = if given || !stored.exists() {
-        learn(&heights, &config, &stored)?
+        let extraction = &style.info.config.extraction;
+        let variants = style.info.config.model.extractions;
+        let lines = extract::variants(&heights, window.valid(), extraction, variants, Seed(1))?;
+        let twins = lines.iter().map(|lines| {
+            let diagram = NaturalNeighbours::new(&lines.mask())?;
+            let on_lines = lines.heights().as_slice().iter().zip(lines.mask().into_vec());
+            let values: Vec<f64> = on_lines.filter(|(_, l)| *l).map(|(z, _)| f64::from(*z)).collect();
+            Ok(diagram.interpolate(&values).map(|z| *z as f32))
+        });
+        let twins: Vec<Grid<f32>> = twins.collect::<Result<_>>()?;
+        learn(&heights, if no_twins { &[] } else { &twins }, &config, &stored)?
     } else {
         let text = std::fs::read(&stored).expect("readable");
         let (info, weights): (DetailInfo, Vec<(String, Vec<f32>)>) =
@@ -77,10 +90,10 @@ fn parse(settings: &[String]) -> (DetailConfig, DetailUse, bool) {
     (config.try_into().expect("settings"), how.try_into().expect("settings"), given)
 }
 
-fn learn(heights: &Grid<f32>, config: &DetailConfig, stored: &Path) -> Result<Detail> {
+fn learn(heights: &Grid<f32>, twins: &[Grid<f32>], config: &DetailConfig, stored: &Path) -> Result<Detail> {
     let started = Instant::now();
     let mut last = started;
-    let detail = train(heights, config, Seed(1), |r| {
+    let detail = train(heights, twins, config, Seed(1), |r| {
         if (r.step + 1) % (config.steps / 4).max(1) == 0 {
             println!(
                 "scale {} step {:5}: critic {:8.4} penalty {:7.4} reconstruction {:.5}  {:.1} s",

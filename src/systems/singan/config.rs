@@ -48,6 +48,8 @@ pub struct DetailConfig {
     pub symmetric: bool,
     /// Share of the training samples that begin with the exemplar at some coarser scale instead of noise (0 in the paper).
     pub injected: f32,
+    /// Share of the reconstructions that begin with a coarse twin of the exemplar instead of the fixed noise (0 in the paper).
+    pub paired: f32,
     /// Training steps of a scale (2000).
     pub steps: usize,
     /// Critic updates a step (3).
@@ -82,7 +84,8 @@ impl Default for DetailConfig {
             view: View::Slopes,
             start: Start::Scaled,
             symmetric: true,
-            injected: 0.5,
+            injected: 0.75,
+            paired: 0.5,
             steps: 400,
             critic_steps: 1,
             generator_steps: 1,
@@ -108,6 +111,7 @@ impl DetailConfig {
             start: Start::Published,
             symmetric: false,
             injected: 0.0,
+            paired: 0.0,
             steps: 2000,
             critic_steps: 3,
             generator_steps: 3,
@@ -147,6 +151,7 @@ impl DetailConfig {
         };
         number("factor", self.factor, 0.3, 0.9)?;
         number("injected", f64::from(self.injected), 0.0, 1.0)?;
+        number("paired", f64::from(self.paired), 0.0, 1.0)?;
         number("learning_rate", f64::from(self.learning_rate), 1e-7, 1.0)?;
         number("momentum", f64::from(self.momentum), 0.0, 0.999)?;
         number("penalty", f64::from(self.penalty), 0.0, 1e6)?;

@@ -38,12 +38,15 @@ pub struct StepReport {
     pub reconstruction: f64,
 }
 
-/// Trains every scale on `heights` (0 to 1). `progress` hears of every step.
+/// Trains every scale on `heights` (0 to 1). `twins` are coarse versions of the same ground, such as a coarse model makes them
+/// (any number, also none): the samples that begin at a coarser scale begin with one of them as often as with the exemplar
+/// itself, and part of the reconstruction begins with one. `progress` hears of every step.
 ///
 /// # Errors
 /// When a setting is out of range, the exemplar is smaller than 16 cells or level, or a loss stops being finite.
 pub fn train(
     heights: &Grid<f32>,
+    twins: &[Grid<f32>],
     config: &DetailConfig,
     seed: Seed,
     mut progress: impl FnMut(&StepReport),
@@ -53,10 +56,18 @@ pub fn train(
     if rows.min(cols) < 16 {
         return Err(Error::value("exemplar for detail", format!("{rows}x{cols}"), "allowed: at least 16x16"));
     }
+    if let Some(twin) = twins.iter().find(|twin| twin.shape() != heights.shape()) {
+        let allowed = format!("the exemplar is {rows}x{cols}");
+        return Err(Error::value("coarse twin of the exemplar", format!("{:?}", twin.shape()), allowed));
+    }
     let sizes = config.pyramid(rows, cols);
-    let exemplar = heights.map(|z| 2.0 * z - 1.0);
-    let pyramid: Vec<Grid<f32>> = sizes.iter().map(|&(r, c)| resample(&exemplar, r, c)).collect();
-    if mean_square_slope(&exemplar) <= 0.0 {
+    let scaled = |heights: &Grid<f32>| -> Vec<Grid<f32>> {
+        let heights = heights.map(|z| 2.0 * z - 1.0);
+        sizes.iter().map(|&(r, c)| resample(&heights, r, c)).collect()
+    };
+    let pyramid = scaled(heights);
+    let twins: Vec<Vec<Grid<f32>>> = twins.iter().map(scaled).collect();
+    if mean_square_slope(heights) <= 0.0 {
         return Err(Error::value("relief of the exemplar", 0, "level ground has no detail to learn"));
     }
     let mut detail = Detail::empty(config.clone(), sizes.clone());
@@ -69,7 +80,7 @@ pub fn train(
             || pyramid[0].map(|_| 0.0),
             |coarser| resample(coarser, sizes[scale].0, sizes[scale].1),
         );
-        let mut room = Room::new(config, &pyramid[..=scale], &detail, up, seed);
+        let mut room = Room::new(config, &pyramid[..=scale], &twins, &detail, up, seed);
         room.begin(generator.as_ref(), critic.as_ref());
         for step in 0..config.steps {
             let report = StepReport { scale, scales: sizes.len(), ..room.step(step) };
@@ -110,6 +121,8 @@ struct Room<'a> {
     config: &'a DetailConfig,
     /// The exemplar at the scales so far, this one last.
     pyramid: &'a [Grid<f32>],
+    /// The coarse twins at all scales.
+    twins: &'a [Vec<Grid<f32>>],
     coarser: &'a Detail,
     lens: Lens,
     residual: Residual,
@@ -130,6 +143,7 @@ impl<'a> Room<'a> {
     fn new(
         config: &'a DetailConfig,
         pyramid: &'a [Grid<f32>],
+        twins: &'a [Vec<Grid<f32>>],
         coarser: &'a Detail,
         rec_up: Grid<f32>,
         seed: Seed,
@@ -159,6 +173,7 @@ impl<'a> Room<'a> {
         Self {
             config,
             pyramid,
+            twins,
             coarser,
             lens,
             residual,
@@ -212,16 +227,26 @@ impl<'a> Room<'a> {
         let up = if here == 0 {
             self.pyramid[0].map(|_| 0.0)
         } else if self.draws.random::<f32>() < self.config.injected {
-            let from = self.draws.random_range(0..here);
+            // The exemplar as often as all of its twins.
+            let source = if self.twins.is_empty() || self.draws.random::<bool>() {
+                self.pyramid
+            } else {
+                &self.twins[self.draws.random_range(0..self.twins.len())]
+            };
             let turn = self.turn();
-            let turned = turned(&self.pyramid[from], turn);
-            let size = if turned.shape() == self.pyramid[from].shape() { (rows, cols) } else { (cols, rows) };
-            debug_assert_eq!(size, (rows, cols), "only squares are turned by a right angle");
-            self.coarser.refine(&turned, from + 1..here, (rows, cols), 1.0, seed)
+            self.injected(source, turn, 1.0, seed)
         } else {
             self.coarser.refine(&self.pyramid[0].map(|_| 0.0), 0..here, (rows, cols), 1.0, seed)
         };
         (up, noise_field(self.lens, rows, cols, &mut self.draws))
+    }
+
+    /// A turned map at a random coarser scale, through the scales between, enlarged to this one.
+    fn injected(&mut self, source: &[Grid<f32>], turn: usize, amplitude: f32, seed: Seed) -> Grid<f32> {
+        let here = self.pyramid.len() - 1;
+        let from = self.draws.random_range(0..here);
+        let size = self.pyramid[here].shape();
+        self.coarser.refine(&turned(&source[from], turn), from + 1..here, size, amplitude, seed)
     }
 
     /// One of the symmetries that the exemplar is allowed.
@@ -289,12 +314,21 @@ impl<'a> Room<'a> {
         let d_map = self.lens.judge_adjoint(&self.d_judged, rows, cols);
         self.teach(&d_map, &mut gradient);
 
-        let (up, field) =
-            (std::mem::replace(&mut self.rec_up, Grid::filled(1, 1, 0.0)), self.rec_noise.take());
-        let rebuilt = self.make(&up, field.as_ref());
-        (self.rec_up, self.rec_noise) = (up, field);
-        let real = &self.pyramid[self.pyramid.len() - 1];
-        let (error, d_map) = reconstruction(&rebuilt, real, self.lens.gain, self.config);
+        let here = self.pyramid.len() - 1;
+        let paired = here > 0 && !self.twins.is_empty() && self.draws.random::<f32>() < self.config.paired;
+        let (error, d_map) = if paired {
+            let (twin, turn) = (self.draws.random_range(0..self.twins.len()), self.turn());
+            let twins = self.twins;
+            let up = self.injected(&twins[twin], turn, 0.0, Seed(0));
+            let rebuilt = self.make(&up, None);
+            reconstruction(&rebuilt, &turned(&self.pyramid[here], turn), self.lens.gain, self.config)
+        } else {
+            let up = std::mem::replace(&mut self.rec_up, Grid::filled(1, 1, 0.0));
+            let field = self.rec_noise.take();
+            let rebuilt = self.make(&up, field.as_ref());
+            (self.rec_up, self.rec_noise) = (up, field);
+            reconstruction(&rebuilt, &self.pyramid[here], self.lens.gain, self.config)
+        };
         self.teach(&d_map, &mut gradient);
         self.optimizers[0].update(&mut self.generator.values, &gradient, rate);
         error
