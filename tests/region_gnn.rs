@@ -10,9 +10,12 @@ use monadnock::metrics::ssim;
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
 use monadnock::systems::region_gnn::config::Kernel;
-use monadnock::systems::region_gnn::style::{Source, Style, StyleConfig, describe, learn};
-use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
+use monadnock::systems::region_gnn::style::{Source, Style, StyleConfig, describe, learn, learn_with};
+use monadnock::systems::region_gnn::{
+    Checkpoints, Control, EpochReport, FineTuning, GenerationConfig, Preset,
+};
 use monadnock::systems::registry;
+use std::time::Duration;
 
 const SIDE: usize = 64;
 
@@ -245,4 +248,67 @@ fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
     assert!(message.contains("31x64"), "{message}");
     let truth = Normalization::of(&whole.dem).normalize(&whole.dem);
     assert!(ssim(&truth, &truth, whole.dem.valid(), 1.0).unwrap() > 0.999);
+}
+
+/// A training on 64 x 64 cells whose state is kept after every epoch.
+fn kept(path: &std::path::Path, epochs: usize, resume: bool, seed: Seed) -> monadnock::error::Result<Style> {
+    let checkpoints = Checkpoints { path: path.to_owned(), interval: Duration::ZERO, resume };
+    let mut config = brief(Preset::Anchored, epochs);
+    config.model.extractions = 3;
+    let mut stop_here = |_: &EpochReport| ();
+    let control = Control { progress: &mut stop_here, budget: None, checkpoints: Some(checkpoints) };
+    learn_with(&source(160, 200), &config, seed, control)
+}
+
+#[test]
+fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = |style: &Style| style.model.network().params().snapshot().unwrap();
+    let (whole, part) = (folder.path().join("whole"), folder.path().join("part"));
+    let never_stopped = kept(&whole, 12, false, Seed(3)).unwrap();
+
+    // Stopped in the middle of the twelve: the schedule knows of all.
+    let checkpoints = Checkpoints { path: part.clone(), interval: Duration::ZERO, resume: false };
+    let mut config = brief(Preset::Anchored, 12);
+    config.model.extractions = 3;
+    let interrupted = std::panic::catch_unwind(|| {
+        let mut stop = |report: &EpochReport| assert!(report.epoch < 6, "the power fails");
+        let control = Control { progress: &mut stop, budget: None, checkpoints: Some(checkpoints) };
+        learn_with(&source(160, 200), &config, Seed(3), control)
+    });
+    assert!(interrupted.is_err());
+    let resumed = kept(&part, 12, true, Seed(3)).unwrap();
+    assert_eq!(weights(&resumed), weights(&never_stopped));
+    let losses = |s: &Style| s.info.training.history.iter().map(|h| (h.epoch, h.losses)).collect::<Vec<_>>();
+    assert_eq!(losses(&resumed), losses(&never_stopped));
+    assert_eq!(resumed.info.training.epochs, 12);
+
+    let other = kept(&part, 12, true, Seed(4)).unwrap_err().to_string();
+    assert!(other.contains("part") && other.contains("seed"), "{other}");
+    std::fs::write(&part, b"no checkpoint").unwrap();
+    assert!(kept(&part, 12, true, Seed(3)).unwrap_err().to_string().contains("part"));
+}
+
+#[test]
+fn a_budget_ends_the_training_in_time_with_the_schedule_run_down() {
+    let mut config = brief(Preset::Anchored, 1_000_000);
+    config.model.extractions = 1;
+    let mut ignore = |_: &EpochReport| ();
+    let budget = Some(Duration::from_secs(4));
+    let control = Control { progress: &mut ignore, budget, checkpoints: None };
+    let style = learn_with(&source(160, 200), &config, Seed(1), control).unwrap();
+    let t = &style.info.training;
+    assert!(t.epochs > 1 && t.seconds < 4.0, "{} epochs in {} s", t.epochs, t.seconds);
+    assert_eq!(style.info.config.model.epochs, t.epochs);
+    let (first, last) = (t.history[0].losses, t.history[t.history.len() - 1].losses);
+    assert!(last.ground_truth < first.ground_truth);
+}
+
+#[test]
+fn patience_ends_a_training_that_no_longer_learns() {
+    let mut config = brief(Preset::Anchored, 200);
+    config.model.learning_rate = 1e-8;
+    config.model.patience = 10;
+    let style = learn(&source(160, 200), &config, Seed(1), |_| ()).unwrap();
+    assert!((11..100).contains(&style.info.training.epochs), "{}", style.info.training.epochs);
 }

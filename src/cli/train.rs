@@ -6,9 +6,10 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar};
 use crate::grid::Cell;
-use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn};
-use crate::systems::region_gnn::{EpochReport, Preset};
+use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
+use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Windows with more cells than this are not taken whole: training costs about 1 kB a cell and extraction.
 const LARGEST_WHOLE: usize = 192 * 192;
@@ -20,6 +21,12 @@ const LARGEST_WHOLE: usize = 192 * 192;
   monadnock train alps.tif -o alps.safetensors --crop 256,256,128
   monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
   monadnock train alps.tif -o alps.safetensors --config mine.toml
+  monadnock train alps.tif -o alps.safetensors --budget 60s
+  monadnock train alps.tif -o alps.safetensors --epochs 5000 --resume
+
+While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint, which is removed at the end. A
+training that was killed continues from there with --resume and the same arguments; without --resume it begins anew. It
+ends with the same weights as one that was never stopped, except under --budget, which ties the schedule to the clock.
 
 Without --crop the whole terrain is learned when it is small, else its most varied central 128x128 patch.
 
@@ -43,8 +50,17 @@ pub(super) struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Training steps
-    #[arg(long)]
+    #[arg(long, conflicts_with = "budget")]
     epochs: Option<usize>,
+    /// Time for the training, such as 60s or 5m; the schedule is fitted to it
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    budget: Option<Duration>,
+    /// Continue an interrupted training from its checkpoint
+    #[arg(long)]
+    resume: bool,
+    /// Time between two checkpoints
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, default_value = "10s")]
+    checkpoint_every: Duration,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -70,8 +86,28 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         None => default_window(&dem, context)?,
     };
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
-    let style = train_with_progress(&source, &config, context, "training")?;
+    let checkpoint = checkpoint_path(&args.output);
+    if args.resume && !checkpoint.exists() {
+        context.console.line(format!("no {}: training from the start", checkpoint.display()));
+    } else if !args.resume && checkpoint.exists() {
+        let text = "is of an interrupted training; this one begins anew (--resume continues it)";
+        context.console.warning(format!("{} {text}", checkpoint.display()));
+    }
+    let checkpoints =
+        Checkpoints { path: checkpoint.clone(), interval: args.checkpoint_every, resume: args.resume };
+    let bounds = Bounds { budget: args.budget, checkpoints: Some(checkpoints) };
+    let trained = train_with_progress(&source, &config, context, "training", bounds);
+    if let (Err(Error::Diverged { .. }), true) = (&trained, checkpoint.exists()) {
+        context.console.warning(format!(
+            "the last good state is kept in {}; continue with --resume --set model.learning_rate=...",
+            checkpoint.display()
+        ));
+    }
+    let style = trained?;
     style.save(&args.output)?;
+    if checkpoint.exists() {
+        std::fs::remove_file(&checkpoint).map_err(Error::io(&checkpoint, "remove the checkpoint"))?;
+    }
     let t = &style.info.training;
     context.console.line(format!(
         "{}: {} epochs in {:.1} s ({:.3} s each); exemplar rebuilt with SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}",
@@ -100,21 +136,42 @@ fn default_window(dem: &Dem, context: &Context) -> Result<(Cell, usize, usize)> 
     Ok((origin, PATCH, PATCH))
 }
 
+/// Where the state of a training is kept while it runs.
+fn checkpoint_path(output: &Path) -> PathBuf {
+    let mut name = output.as_os_str().to_owned();
+    name.push(".checkpoint");
+    name.into()
+}
+
+/// What bounds and keeps a training.
+#[derive(Default)]
+pub(super) struct Bounds {
+    pub(super) budget: Option<Duration>,
+    pub(super) checkpoints: Option<Checkpoints>,
+}
+
 /// Learns a style under a progress bar.
 pub(super) fn train_with_progress(
     source: &Source,
     config: &StyleConfig,
     context: &Context,
     label: &str,
+    bounds: Bounds,
 ) -> Result<Style> {
-    let progress = context.console.progress(config.model.epochs as u64, label);
-    let style = learn(source, config, context.seed, |report: &EpochReport| {
+    // Under a budget the bar counts hundredths of a second, else epochs.
+    let hundredths = |seconds: f64| (seconds * 100.0) as u64;
+    let total = bounds.budget.map_or(config.model.epochs as u64, |b| hundredths(b.as_secs_f64()));
+    let bar = context.console.progress(total, label);
+    let mut shown = 0;
+    let mut progress = |report: &EpochReport| {
         let l = &report.losses;
-        progress.note(format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
-        progress.advance(1);
-    })?;
-    drop(progress);
-    Ok(style)
+        bar.note(format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
+        let now = bounds.budget.map_or(report.epoch as u64, |_| hundredths(report.seconds)).min(total);
+        bar.advance(now.saturating_sub(shown));
+        shown = now.max(shown);
+    };
+    let control = Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };
+    learn_with(source, config, context.seed, control)
 }
 
 /// The preset, overlaid with a file and with single keys.

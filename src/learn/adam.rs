@@ -22,8 +22,14 @@ impl Schedule {
     /// Learning rate at `step`, counted from 0.
     #[must_use]
     pub fn at(&self, step: usize) -> f64 {
-        let warm = ((step + 1) as f64 / (self.warm_up * self.steps as f64).max(1.0)).min(1.0);
-        let phase = (step as f64 / self.steps.max(1) as f64).min(1.0);
+        self.at_phase((step as f64 + 0.5) / self.steps.max(1) as f64)
+    }
+
+    /// Learning rate when `phase` of the training is over, 0 to 1.
+    #[must_use]
+    pub fn at_phase(&self, phase: f64) -> f64 {
+        let phase = phase.clamp(0.0, 1.0);
+        let warm = if self.warm_up > 0.0 { (phase / self.warm_up).min(1.0) } else { 1.0 };
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * phase).cos());
         self.peak * warm * (cosine * (1.0 - self.floor) + self.floor)
     }
@@ -58,6 +64,25 @@ impl Adam {
     #[must_use]
     pub fn over(params: &ParamStore) -> Self {
         Self::new(params.iter().map(|(_, var)| var))
+    }
+
+    /// Running means of the gradients and of their squares, in the order of the variables.
+    #[must_use]
+    pub fn moments(&self) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
+        self.moments.iter().map(|m| (m.mean.clone(), m.square.clone())).unzip()
+    }
+
+    /// Goes on after `steps` steps that left these moments.
+    ///
+    /// # Panics
+    /// When the lengths are not those of the variables.
+    pub fn restore(&mut self, steps: usize, mean: Vec<Vec<f32>>, square: Vec<Vec<f32>>) {
+        assert_eq!((mean.len(), square.len()), (self.moments.len(), self.moments.len()), "one a variable");
+        self.step = i32::try_from(steps).expect("fewer than 2^31 steps");
+        for ((m, mean), square) in self.moments.iter_mut().zip(mean).zip(square) {
+            assert_eq!((mean.len(), square.len()), (m.mean.len(), m.square.len()), "the variable's length");
+            *m = Moments { mean, square };
+        }
     }
 
     /// One step on the same variables in the same order as at construction. A variable without a gradient stays.
@@ -105,8 +130,8 @@ mod tests {
     #[test]
     fn schedule_warms_up_peaks_and_ends_at_the_floor() {
         let s = Schedule { peak: 1.0, steps: 100, warm_up: 0.1, floor: 0.01 };
-        assert!(s.at(0) < 0.11 && s.at(9) > 0.95);
-        assert!((s.at(100) - 0.01).abs() < 1e-12);
+        assert!(s.at(0) < 0.11 && s.at(10) > 0.95);
+        assert!((s.at_phase(1.0) - 0.01).abs() < 1e-12 && s.at(99) < 0.011);
         assert!((10..99).all(|i| s.at(i) > s.at(i + 1)));
     }
 

@@ -78,6 +78,12 @@ impl ParamStore {
         self.entries.iter().map(|(name, var)| (name.as_str(), var))
     }
 
+    /// A parameter by name.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Tensor> {
+        self.entries.iter().find(|(n, _)| n == name).map(|(_, var)| var.as_tensor())
+    }
+
     /// Number of trainable values.
     #[must_use]
     pub fn value_count(&self) -> usize {

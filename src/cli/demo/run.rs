@@ -3,7 +3,7 @@
 use super::report;
 use crate::cli::Context;
 use crate::cli::generate::in_metres;
-use crate::cli::train::train_with_progress;
+use crate::cli::train::{Bounds, train_with_progress};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
@@ -98,7 +98,13 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
         let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
-        let style = train_with_progress(&source, &config, context, &format!("training on {name}"))?;
+        let style = train_with_progress(
+            &source,
+            &config,
+            context,
+            &format!("training on {name}"),
+            Bounds::default(),
+        )?;
         timed(format!("training on {name}"), started);
         let started = Instant::now();
         styles.push(draw_with(name, source, style, context)?);

@@ -123,6 +123,8 @@ pub struct RegionGnnConfig {
     pub extractions: usize,
     /// Training steps.
     pub epochs: usize,
+    /// Ends the training when the smoothed loss has not fallen by a thousandth for so many epochs; 0 never does.
+    pub patience: usize,
     /// Highest learning rate.
     pub learning_rate: f64,
     /// Weights of the losses.
@@ -156,6 +158,7 @@ impl Default for RegionGnnConfig {
             masked: 0.05,
             extractions: 8,
             epochs: 400,
+            patience: 0,
             learning_rate: 1e-2,
             losses: LossWeights::default(),
             loss_after_correction: true,
@@ -210,7 +213,13 @@ impl RegionGnnConfig {
         count("iterations", self.iterations, 1, 8)?;
         count("embedding", self.embedding, 0, 256)?;
         count("extractions", self.extractions, 1, 64)?;
+        if self.embedding > 0 && self.extractions > 1 {
+            let allowed =
+                "a model with an embedding a part learns from one extraction: 1, or model.embedding=0";
+            return Err(Error::value("extractions", self.extractions, allowed));
+        }
         count("epochs", self.epochs, 1, 1_000_000)?;
+        count("patience", self.patience, 0, 1_000_000)?;
         count("splits", self.splits, 1, 64)?;
         if ![16, 32, 64].contains(&self.width) {
             return Err(Error::value("width", self.width, "allowed: 16, 32, 64"));
@@ -252,6 +261,8 @@ mod tests {
         }
         let bad = RegionGnnConfig { width: 33, ..Default::default() };
         assert!(bad.validate().unwrap_err().to_string().contains("width is 33"));
+        let bad = RegionGnnConfig { extractions: 8, ..RegionGnnConfig::paper() };
+        assert!(bad.validate().unwrap_err().to_string().contains("embedding"));
         let bad = RegionGnnConfig { learning_rate: f64::NAN, ..Default::default() };
         assert!(bad.validate().unwrap_err().to_string().contains("learning_rate"));
     }

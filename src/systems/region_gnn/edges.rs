@@ -5,10 +5,14 @@ use crate::seed::Seed;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Noise values of one stream: fixed, so that the same bytes come out on any number of threads.
 const NOISE_CHUNK: usize = 16_384;
+
+/// Pixels that the fused pass works on together: features and hidden states of their edges fit the first-level cache.
+pub(super) const BLOCK: usize = 8;
 
 /// What is drawn anew for every pass (4.2: random edges; A.2: masked parts; A.4: noise).
 #[derive(Debug)]
@@ -17,8 +21,10 @@ pub struct PassEdges {
     /// Random edges sorted by pixel: those of pixel p are `random_offsets[p]..random_offsets[p + 1]`.
     random_offsets: Vec<u32>,
     random_regions: Vec<u32>,
-    /// (random edges, features)
-    random_features: Vec<f32>,
+    /// Most random edges of [`BLOCK`] pixels in a row.
+    most_random: u32,
+    /// (random edges, stored)
+    random_stored: Vec<f32>,
     /// The same edges by region: pixels.
     region_offsets: Vec<u32>,
     region_pixels: Vec<u32>,
@@ -27,33 +33,29 @@ pub struct PassEdges {
     masked: Vec<bool>,
 }
 
-/// One edge as the kernels see it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edge<'a> {
-    pub(super) region: usize,
-    /// (features)
-    pub(super) features: &'a [f32],
-    pub(super) noise: f32,
-}
-
 impl PassEdges {
     /// Draws `random` edges, noise of standard deviation `noise`, and masks each part with probability `masked`.
     #[must_use]
     pub fn draw(graph: &Arc<RegionGraph>, random: usize, noise: f64, masked: f64, seed: Seed) -> Self {
-        let (pixels, regions, n) = (graph.pixel_count(), graph.region_count(), graph.feature_count());
+        let (pixels, regions, n) =
+            (graph.pixel_count(), graph.region_count(), graph.features().stored_count());
         let mut stream = seed.stream("random edges");
         let drawn: Vec<(u32, u32)> = (0..random)
             .map(|_| (stream.random_range(0..pixels as u32), stream.random_range(0..regions as u32)))
             .collect();
         let (random_offsets, random_regions) = sorted_by(&drawn, pixels, |e| e.0, |e| e.1);
         let (region_offsets, region_pixels) = sorted_by(&drawn, regions, |e| e.1, |e| e.0);
+        let last = |start: usize| (start + BLOCK).min(pixels);
+        let in_block = |start: usize| random_offsets[last(start)] - random_offsets[start];
+        let most_random = (0..pixels).map(in_block).max().unwrap_or(0);
         let mut owner = Vec::with_capacity(random);
         for pixel in 0..pixels {
             owner.extend((random_offsets[pixel]..random_offsets[pixel + 1]).map(|_| pixel));
         }
-        let mut random_features = vec![0.0; random * n];
-        random_features.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
-            graph.edge_features(owner[edge], random_regions[edge] as usize, out);
+        let mut random_stored = vec![0.0; random * n];
+        random_stored.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
+            let values = graph.stored_for(owner[edge], random_regions[edge] as usize);
+            out.copy_from_slice(&values[..n]);
         });
         let mut values = vec![0.0f32; pixels * graph.k() + random];
         values.par_chunks_mut(NOISE_CHUNK).enumerate().for_each(|(chunk, values)| {
@@ -69,7 +71,8 @@ impl PassEdges {
             graph,
             random_offsets,
             random_regions,
-            random_features,
+            most_random,
+            random_stored,
             region_offsets,
             region_pixels,
             noise: values,
@@ -102,32 +105,34 @@ impl PassEdges {
         self.graph.pixels_of(region).len() + random
     }
 
-    /// All regions tied to a pixel, fixed edges first.
-    pub(super) fn regions_of(&self, pixel: usize) -> impl Iterator<Item = usize> {
-        self.edges_of(pixel).map(|edge| edge.region)
-    }
-
     /// All pixels tied to a region, fixed edges first.
     pub(super) fn pixels_of(&self, region: usize) -> impl Iterator<Item = usize> {
         let random = self.region_offsets[region] as usize..self.region_offsets[region + 1] as usize;
         self.graph.pixels_of(region).iter().chain(&self.region_pixels[random]).map(|&p| p as usize)
     }
 
-    /// All edges of a pixel, fixed ones first.
-    pub(super) fn edges_of(&self, pixel: usize) -> impl Iterator<Item = Edge<'_>> {
-        let (k, n) = (self.graph.k(), self.graph.feature_count());
-        let fixed_count = self.graph.pixel_count() * k;
-        let fixed = (pixel * k..pixel * k + k).map(move |i| Edge {
-            region: self.graph.nearest()[i] as usize,
-            features: &self.graph.features()[i * n..i * n + n],
-            noise: self.noise[i],
-        });
-        let random = self.random_offsets[pixel] as usize..self.random_offsets[pixel + 1] as usize;
-        fixed.chain(random.map(move |i| Edge {
-            region: self.random_regions[i] as usize,
-            features: &self.random_features[i * n..i * n + n],
-            noise: self.noise[fixed_count + i],
-        }))
+    /// Calls `f` with region, noise and stored values of every unmasked edge of a pixel, fixed ones first.
+    #[inline(always)]
+    pub(super) fn each_of(&self, pixel: usize, mut f: impl FnMut(u32, f32, &[f32])) {
+        let (k, n) = (self.graph.k(), self.graph.features().stored_count());
+        let mut some = |edges: Range<usize>, ends: &[u32], stored: &[f32], noise: &[f32]| {
+            let stored = &stored[edges.start * n..edges.end * n];
+            let ends = ends[edges.clone()].iter().zip(&noise[edges]);
+            for ((&region, &noise), stored) in ends.zip(stored.chunks_exact(n)) {
+                if !self.masked[region as usize] {
+                    f(region, noise, stored);
+                }
+            }
+        };
+        let (fixed, random) = self.noise.split_at(self.graph.pixel_count() * k);
+        some(pixel * k..(pixel + 1) * k, self.graph.nearest(), self.graph.stored(), fixed);
+        let drawn = self.random_offsets[pixel] as usize..self.random_offsets[pixel + 1] as usize;
+        some(drawn, &self.random_regions, &self.random_stored, random);
+    }
+
+    /// Most edges that [`BLOCK`] pixels in a row have.
+    pub(super) fn most_edges_of_a_block(&self) -> usize {
+        BLOCK * self.graph.k() + self.most_random as usize
     }
 }
 

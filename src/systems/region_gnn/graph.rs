@@ -1,19 +1,17 @@
 //! The bipartite graph of pixels and regions (Liu & Benes 2025, 4.2): every pixel to its k nearest parts.
 
-use super::config::{EdgeGeometry, HeightFrame, RegionGnnConfig};
+use super::config::{HeightFrame, RegionGnnConfig};
+use super::edge_features::{EdgeFeatures, Stored};
 use super::nearest::nearest_regions;
-use super::region::Region;
+use super::region::{Projection, Region};
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::sketch::{LineMap, SketchPart, StrokeKind};
 use rayon::prelude::*;
 
-/// Heights on edges are cut here, in units of the sketch's relief.
-const HEIGHT_LIMIT: f32 = 6.0;
-
 /// A sketch as the network sees it: everything that does not change from epoch to epoch.
 ///
-/// Edge `pixel * k + j` ties a pixel to its j-th nearest region. Memory: about 100 bytes an edge.
+/// Edge `pixel * k + j` ties a pixel to its j-th nearest region. Memory: about 40 bytes an edge.
 #[derive(Debug)]
 pub struct RegionGraph {
     rows: usize,
@@ -26,10 +24,9 @@ pub struct RegionGraph {
     projections: Vec<u8>,
     /// (pixels, k) distance to it, in cells.
     distances: Vec<f32>,
-    feature_count: usize,
-    /// (pixels, k, features)
-    features: Vec<f32>,
-    geometry: EdgeGeometry,
+    features: EdgeFeatures,
+    /// (pixels, k, stored)
+    stored: Vec<f32>,
     /// Edges ordered by region: `by_region[offsets[r]..offsets[r + 1]]` are pixels.
     region_offsets: Vec<u32>,
     region_pixels: Vec<u32>,
@@ -105,9 +102,8 @@ impl RegionGraph {
             nearest,
             projections,
             distances,
-            feature_count: 0,
-            features: Vec::new(),
-            geometry: config.geometry,
+            features: EdgeFeatures::of(config),
+            stored: Vec::new(),
             region_offsets,
             region_pixels,
             indicator,
@@ -120,8 +116,7 @@ impl RegionGraph {
             assert_eq!(base.len(), graph.pixel_count(), "one base height a pixel");
             graph.anchor = Some(Anchor { base: base.to_vec(), scale: graph.relief() });
         }
-        graph.feature_count = feature_count(config);
-        graph.features = graph.fixed_features();
+        graph.stored = graph.store_fixed();
         Ok(graph)
     }
 
@@ -138,52 +133,30 @@ impl RegionGraph {
         if relief > 1e-9 { relief as f32 } else { 1.0 }
     }
 
-    fn fixed_features(&self) -> Vec<f32> {
-        let n = self.feature_count;
-        let mut features = vec![0.0; self.nearest.len() * n];
-        features.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
-            let region = self.nearest[edge] as usize;
+    fn store_fixed(&self) -> Vec<f32> {
+        let n = self.features.stored_count();
+        let mut stored = vec![0.0; self.nearest.len() * n];
+        stored.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
             let (index, distance) = (usize::from(self.projections[edge]), self.distances[edge]);
-            self.write_features(edge / self.k, region, index, distance, out);
+            let projection = Projection { index, distance };
+            let values = self.store(edge / self.k, self.nearest[edge] as usize, projection);
+            out.copy_from_slice(&values[..n]);
         });
-        features
+        stored
     }
 
-    /// Features of the edge from `pixel` to `region`, which may be any pair (for random edges).
-    pub(super) fn edge_features(&self, pixel: usize, region: usize, out: &mut [f32]) {
-        let projection = self.regions[region].project(self.cell(pixel));
-        self.write_features(pixel, region, projection.index, projection.distance, out);
+    /// What the edge from `pixel` to `region`, which may be any pair (for random edges), stores.
+    pub(super) fn stored_for(&self, pixel: usize, region: usize) -> Stored {
+        self.store(pixel, region, self.regions[region].project(self.cell(pixel)))
     }
 
-    /// `out`: (features). Order: projection index, distance, [frame], [height].
-    fn write_features(&self, pixel: usize, region: usize, index: usize, distance: f32, out: &mut [f32]) {
-        let r = &self.regions[region];
-        out[0] = r.relative_index(index);
-        out[1] = distance / 16.0;
-        let mut next = 2;
-        if self.geometry == EdgeGeometry::LocalFrame {
-            let (along, across) = r.along_across(self.cell(pixel));
-            let (along, across) = (along / 8.0, across / 8.0);
-            out[2] = along.tanh();
-            out[3] = across.tanh();
-            out[4] = distance.ln_1p() / 2.0;
-            out[5] = (-distance / 2.0).exp();
-            out[6] = (-distance / 6.0).exp();
-            out[7] = r.cell_count() as f32 / 10.0;
-            next = 8;
-            let (mut sa, mut ca) = (along * std::f32::consts::FRAC_PI_2).sin_cos();
-            let (mut sb, mut cb) = (across * std::f32::consts::FRAC_PI_2).sin_cos();
-            for _ in 0..3 {
-                out[next..next + 4].copy_from_slice(&[sa, ca, sb, cb]);
-                next += 4;
-                (sa, ca) = (2.0 * sa * ca, ca * ca - sa * sa);
-                (sb, cb) = (2.0 * sb * cb, cb * cb - sb * sb);
-            }
-        }
-        if let Some(anchor) = &self.anchor {
-            let height = (r.height(index) - anchor.base[pixel]) / anchor.scale;
-            out[next] = height.clamp(-HEIGHT_LIMIT, HEIGHT_LIMIT);
-        }
+    fn store(&self, pixel: usize, region: usize, projection: Projection) -> Stored {
+        let region = &self.regions[region];
+        let height = match &self.anchor {
+            Some(anchor) => (region.height(projection.index) - anchor.base[pixel]) / anchor.scale,
+            None => 0.0,
+        };
+        self.features.store(region, self.cell(pixel), projection, height)
     }
 
     /// (rows, columns) of the map.
@@ -234,16 +207,14 @@ impl RegionGraph {
         &self.region_pixels[self.region_offsets[region] as usize..self.region_offsets[region + 1] as usize]
     }
 
-    /// Number of features of an edge, noise not counted.
-    #[must_use]
-    pub fn feature_count(&self) -> usize {
-        self.feature_count
+    /// How the features of edges are made.
+    pub(super) fn features(&self) -> EdgeFeatures {
+        self.features
     }
 
-    /// (pixels, k, features) of the fixed edges.
-    #[must_use]
-    pub fn features(&self) -> &[f32] {
-        &self.features
+    /// (pixels, k, stored) of the fixed edges.
+    pub(super) fn stored(&self) -> &[f32] {
+        &self.stored
     }
 
     /// +1 at ridges, -1 at valleys, 0 elsewhere; one value a pixel (A.3).
@@ -293,16 +264,6 @@ impl RegionGraph {
     fn cell(&self, pixel: usize) -> Cell {
         Cell::new(pixel / self.cols, pixel % self.cols)
     }
-}
-
-/// Number of edge features of a configuration, noise not counted.
-#[must_use]
-pub(super) fn feature_count(config: &RegionGnnConfig) -> usize {
-    let geometry = match config.geometry {
-        EdgeGeometry::Projection => 2,
-        EdgeGeometry::LocalFrame => 20,
-    };
-    geometry + usize::from(config.frame == HeightFrame::Anchored)
 }
 
 /// Counting sort of the edges by region: (offsets, pixels).

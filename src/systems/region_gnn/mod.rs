@@ -3,11 +3,12 @@
 //! [`Exemplar`] -> [`train`] -> [`RegionGnn`] -> terrain for any lines. What departs from the paper, and why, is in
 //! `docs/papers/region_gnn.md`.
 
+mod checkpoint;
 pub mod config;
 mod correction_op;
-mod edge_attention;
-mod edge_kernel;
+mod edge_features;
 mod edges;
+mod fused;
 mod generate;
 mod graph;
 pub mod losses;
@@ -16,11 +17,11 @@ mod network;
 #[cfg(test)]
 mod network_tests;
 mod plain;
-mod pool;
 mod region;
 pub mod style;
 mod train;
 
+pub use checkpoint::Checkpoints;
 pub use config::{Preset, RegionGnnConfig};
 pub use edges::PassEdges;
 pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
@@ -28,4 +29,4 @@ pub use graph::{Anchor, RegionGraph};
 pub use network::{Network, Output};
 pub use region::{Projection, Region, RegionId};
 pub use style::{Source, Style, StyleConfig, StyleInfo};
-pub use train::{EpochReport, Exemplar, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};
+pub use train::{Control, EpochReport, Exemplar, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};

@@ -1,73 +1,161 @@
-//! The literal message passing of Eq. 1 and A.5, one row an edge: the oracle of [`edge_attention`](super::edge_attention).
+//! The literal network of Eq. 1 and A.3 to A.5 in tensor operations, one row an edge: the oracle of [`fused`](super::fused).
 //!
 //! Every edge gets its concatenated input, both layers of `Enc` and its attention weight as tensors, so that gradients are
 //! candle's own. About a hundred times the memory of the fused pass.
 
+use super::config::{Pooling, RegionGnnConfig};
 use super::edges::PassEdges;
-use super::network::{MessageLayer, reached};
-use super::pool::Toward;
+use super::fused::LEAK;
+use super::network::reached_regions;
 use crate::error::Result;
-use candle_core::{Device, Tensor};
+use crate::learn::ParamStore;
+use candle_core::{D, DType, Device, Tensor};
 
-/// As `Network::gather`: (receivers, H).
-#[allow(clippy::too_many_arguments, reason = "the terms of Eq. 1")]
-pub(super) fn gather(
-    layer: &MessageLayer,
-    toward: Toward,
+const NORM_EPSILON: f64 = 1e-5;
+
+/// Parameters by name and what does not change from layer to layer.
+struct Plain<'a> {
+    config: &'a RegionGnnConfig,
+    params: &'a ParamStore,
+    edges: &'a PassEdges,
+    /// (edges) ends of the unmasked edges.
+    pixels: Tensor,
+    regions: Tensor,
+    /// (edges, features + 1)
+    features: Tensor,
+    /// (regions, 2)
+    kinds: Tensor,
+    /// (regions, embedding)
+    embedding: Option<&'a Tensor>,
+}
+
+/// As [`fused`](super::fused::fused): (pixels + 1).
+pub(super) fn forward(
+    config: &RegionGnnConfig,
+    params: &ParamStore,
     edges: &PassEdges,
-    sender: &Tensor,
-    receiver: &Tensor,
-    pooled: &Tensor,
-    kinds: &Tensor,
     embedding: Option<&Tensor>,
+    first_regions: Vec<f32>,
 ) -> Result<Tensor> {
     let device = Device::Cpu;
     let graph = edges.graph();
-    let (mut pixels, mut regions, mut features) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut pixels, mut regions) = (Vec::new(), Vec::new());
+    let kinds = graph.features();
+    let (mut row, mut rows) = (vec![0.0; kinds.feature_count()], Vec::new());
     for pixel in 0..graph.pixel_count() {
-        for edge in edges.edges_of(pixel).filter(|edge| !edges.masked()[edge.region]) {
+        edges.each_of(pixel, |region, noise, stored| {
             pixels.push(pixel as u32);
-            regions.push(edge.region as u32);
-            features.extend_from_slice(edge.features);
-            features.push(edge.noise);
-        }
+            regions.push(region);
+            kinds.expand(stored, 1, &mut row);
+            rows.extend_from_slice(&row);
+            rows.push(noise);
+        });
     }
     let count = pixels.len();
-    let receivers = receiver.dims()[0];
-    let (from, to) = if toward == Toward::Regions { (&pixels, &regions) } else { (&regions, &pixels) };
-    let index = |ids: &[u32]| Tensor::from_slice(ids, count, &device);
-    let (from, to_index, of_region) = (index(from)?, index(to)?, index(&regions)?);
-    let features = Tensor::from_vec(features, (count, graph.feature_count() + 1), &device)?;
-
-    let mut inputs = vec![
-        sender.index_select(&from, 0)?,
-        features,
-        kinds.index_select(&of_region, 0)?,
-        pooled.index_select(&to_index, 0)?,
-    ];
-    let mut weights = vec![layer.node.clone(), layer.edge.clone(), layer.kind.clone(), layer.pool.clone()];
-    if let (Some(embedding), Some(weight)) = (embedding, &layer.embedding) {
-        inputs.push(embedding.index_select(&of_region, 0)?);
-        weights.push(weight.clone());
+    let net = Plain {
+        config,
+        params,
+        edges,
+        pixels: Tensor::from_vec(pixels, count, &device)?,
+        regions: Tensor::from_vec(regions, count, &device)?,
+        features: Tensor::from_vec(rows, (count, kinds.feature_count() + 1), &device)?,
+        kinds: Tensor::from_vec(graph.kind_indicators(), (graph.region_count(), 2), &device)?,
+        embedding,
+    };
+    let indicator = Tensor::from_slice(graph.indicator(), (graph.pixel_count(), 1), &device)?;
+    let mut f = net.mlp("first", &indicator)?; // (pixels, H)
+    let mut e = Tensor::from_vec(first_regions, (graph.region_count(), config.width), &device)?; // (regions, H)
+    for t in 0..config.iterations {
+        let name = format!("round{t}.to_regions");
+        e = net.normalize(&name, &(&e + net.gather(&name, &f, &e, true)?)?)?;
+        let name = format!("round{t}.to_pixels");
+        f = net.normalize(&name, &net.gather(&name, &e, &f, false)?)?;
     }
-    let input = Tensor::cat(&inputs, 1)?; // (edges, inputs)
-    let hidden = input.matmul(&Tensor::cat(&weights, 0)?)?.broadcast_add(&layer.bias)?.relu()?; // (edges, H)
-    let message = hidden.matmul(&layer.out)?.broadcast_add(&layer.out_bias)?; // (edges, H)
+    let far = net.mlp("first", &Tensor::zeros((1, 1), DType::F32, &device)?)?;
+    Ok(net.mlp("last", &Tensor::cat(&[f, far], 0)?)?.squeeze(1)?) // (pixels + 1)
+}
 
-    let state = receiver.matmul(&layer.attend_state)?.index_select(&to_index, 0)?;
-    let logit = (message.matmul(&layer.attend_message)? + state)?; // (edges, 1)
-    let score = (logit.relu()? - (logit.neg()?.relu()? * f64::from(super::edge_kernel::LEAK))?)?;
-    let mut highest = vec![f32::NEG_INFINITY; receivers];
-    for (value, &node) in score.detach().flatten_all()?.to_vec1::<f32>()?.iter().zip(to) {
-        highest[node as usize] = highest[node as usize].max(*value);
+impl Plain<'_> {
+    fn get(&self, name: &str) -> &Tensor {
+        self.params.get(name).unwrap_or_else(|| unreachable!("no parameter {name}"))
     }
-    let highest: Vec<f32> = to.iter().map(|&node| highest[node as usize]).collect();
-    let weight = (score - Tensor::from_vec(highest, (count, 1), &device)?)?.exp()?; // (edges, 1)
-    let zeros = |columns: usize| Tensor::zeros((receivers, columns), candle_core::DType::F32, &device);
-    let sum = zeros(message.dims()[1])?.index_add(&to_index, &message.broadcast_mul(&weight)?, 0)?;
-    let total = zeros(1)?.index_add(&to_index, &weight, 0)?;
-    // A node that nothing reaches divides zero by one.
-    let missing: Vec<f32> = reached(edges, toward).iter().map(|r| 1.0 - r).collect();
-    let total = (total + Tensor::from_vec(missing, (receivers, 1), &device)?)?;
-    Ok(sum.broadcast_div(&total)?)
+
+    /// (N, in) -> (N, out)
+    fn mlp(&self, name: &str, x: &Tensor) -> Result<Tensor> {
+        let get = |part: &str| self.get(&format!("{name}.{part}"));
+        let hidden = x.matmul(get("hidden.weight"))?.broadcast_add(get("hidden.bias"))?.relu()?;
+        Ok(hidden.matmul(get("out.weight"))?.broadcast_add(get("out.bias"))?)
+    }
+
+    /// Layer normalisation (Ba, Kiros, Hinton 2016) where the configuration has it.
+    fn normalize(&self, name: &str, x: &Tensor) -> Result<Tensor> {
+        if !self.config.normalize {
+            return Ok(x.clone());
+        }
+        let centred = x.broadcast_sub(&x.mean_keepdim(D::Minus1)?)?;
+        let deviation = (centred.sqr()?.mean_keepdim(D::Minus1)? + NORM_EPSILON)?.sqrt()?;
+        let unit = centred.broadcast_div(&deviation)?.broadcast_mul(self.get(&format!("{name}.gain")))?;
+        Ok(unit.broadcast_add(self.get(&format!("{name}.offset")))?)
+    }
+
+    /// `Gathr({Enc(...)})` for every receiving node: (receivers, H).
+    fn gather(&self, name: &str, sender: &Tensor, receiver: &Tensor, to_regions: bool) -> Result<Tensor> {
+        let device = Device::Cpu;
+        let get = |part: &str| self.get(&format!("{name}.{part}"));
+        let graph = self.edges.graph();
+        let (from, to) =
+            if to_regions { (&self.pixels, &self.regions) } else { (&self.regions, &self.pixels) };
+        let count = from.elem_count();
+        let receivers = receiver.dims()[0];
+        let zeros = |columns: usize| Tensor::zeros((receivers, columns), DType::F32, &device);
+
+        let sent = sender.index_select(from, 0)?;
+        let sum = zeros(self.config.width)?.index_add(to, &sent, 0)?;
+        let degree = |node: usize| match (self.config.pooling, to_regions) {
+            (Pooling::Sum, _) => 1,
+            (Pooling::Mean, true) => self.edges.region_degree(node).max(1),
+            (Pooling::Mean, false) => self.edges.pixel_degree(node).max(1),
+        };
+        let share: Vec<f32> = (0..receivers).map(|node| 1.0 / degree(node) as f32).collect();
+        let pooled = sum.broadcast_mul(&Tensor::from_vec(share, (receivers, 1), &device)?)?;
+
+        let mut inputs = vec![
+            sent,
+            self.features.clone(),
+            self.kinds.index_select(&self.regions, 0)?,
+            pooled.index_select(to, 0)?,
+        ];
+        let mut weights = vec![get("node"), get("edge"), get("kind"), get("pool")];
+        if let Some(embedding) = self.embedding {
+            inputs.push(embedding.index_select(&self.regions, 0)?);
+            weights.push(get("embedding"));
+        }
+        let input = Tensor::cat(&inputs, 1)?; // (edges, inputs)
+        let hidden = input.matmul(&Tensor::cat(&weights, 0)?)?.broadcast_add(get("bias"))?.relu()?;
+        let message = hidden.matmul(get("out"))?.broadcast_add(get("out_bias"))?; // (edges, H)
+
+        let state = receiver.matmul(get("attend_state"))?.index_select(to, 0)?;
+        let logit = (message.matmul(get("attend_message"))? + state)?; // (edges, 1)
+        let score = (logit.relu()? - (logit.neg()?.relu()? * f64::from(LEAK))?)?;
+        let nodes = to.to_vec1::<u32>()?;
+        let mut highest = vec![f32::NEG_INFINITY; receivers];
+        for (value, &node) in score.detach().flatten_all()?.to_vec1::<f32>()?.iter().zip(&nodes) {
+            highest[node as usize] = highest[node as usize].max(*value);
+        }
+        let highest: Vec<f32> = nodes.iter().map(|&node| highest[node as usize]).collect();
+        let weight = (score - Tensor::from_vec(highest, (count, 1), &device)?)?.exp()?; // (edges, 1)
+        let sum = zeros(self.config.width)?.index_add(to, &message.broadcast_mul(&weight)?, 0)?;
+        let total = zeros(1)?.index_add(to, &weight, 0)?;
+        // A node that nothing reaches divides zero by one.
+        let reached = if to_regions {
+            reached_regions(self.edges)
+        } else {
+            let mut reached = vec![0.0; graph.pixel_count()];
+            nodes.iter().for_each(|&pixel| reached[pixel as usize] = 1.0);
+            reached
+        };
+        let missing: Vec<f32> = reached.iter().map(|r| 1.0 - r).collect();
+        let total = (total + Tensor::from_vec(missing, (receivers, 1), &device)?)?;
+        Ok(sum.broadcast_div(&total)?)
+    }
 }

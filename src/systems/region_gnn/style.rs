@@ -6,7 +6,7 @@
 use super::config::{Preset, RegionGnnConfig};
 use super::generate::{GenerationConfig, RegionGnn, needs_correction};
 use super::network::Network;
-use super::train::{EpochReport, Exemplar, TrainingRecord, train};
+use super::train::{Control, EpochReport, Exemplar, TrainingRecord, train};
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::{self, ExtractionConfig};
@@ -191,8 +191,16 @@ pub fn learn(
     source: &Source,
     config: &StyleConfig,
     seed: Seed,
-    progress: impl FnMut(&EpochReport),
+    mut progress: impl FnMut(&EpochReport),
 ) -> Result<Style> {
+    learn_with(source, config, seed, Control::new(&mut progress))
+}
+
+/// As [`learn`], within a budget of time or with checkpoints.
+///
+/// # Errors
+/// As [`learn`], and when a checkpoint cannot be written or does not belong to this training.
+pub fn learn_with(source: &Source, config: &StyleConfig, seed: Seed, control: Control<'_>) -> Result<Style> {
     config.validate()?;
     let dem = &source.dem;
     let normalization = Normalization::of(dem);
@@ -204,14 +212,16 @@ pub fn learn(
         return Err(Error::value("number of line cells", 0, allowed));
     }
     let exemplar = Exemplar { heights, valid: dem.valid().clone(), lines };
-    let (network, parts, record) = train(&exemplar, &config.model, seed, progress)?;
+    let (network, parts, record) = train(&exemplar, &config.model, seed, control)?;
     let model = RegionGnn::new(network, parts);
     let correction = config.generation.correction.filter(|_| needs_correction(&config.model));
     let rebuilt = model.reconstruct(&exemplar.lines[0], correction, seed)?;
     let training = summary(record, &rebuilt, &exemplar)?;
+    // A budget decides the number of epochs; the configuration then tells how many it was.
+    let model_config = RegionGnnConfig { epochs: training.epochs, ..config.model.clone() };
     let info = StyleInfo {
         version: VERSION,
-        config: config.clone(),
+        config: StyleConfig { model: model_config, ..config.clone() },
         seed,
         normalization,
         exemplar: source.info.clone(),

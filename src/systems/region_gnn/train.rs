@@ -3,7 +3,8 @@
 //! Each epoch draws one of the extractions, random edges, noise and masked parts, takes one step of Adam on the weighted
 //! losses, and reports. Cost: a forward and a backward pass an epoch, linear in pixels.
 
-use super::config::{Base, HeightFrame, RegionGnnConfig};
+use super::checkpoint::{self, Checkpoints, Progress};
+use super::config::{Base, HeightFrame, LossWeights, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::edges::PassEdges;
 use super::graph::RegionGraph;
@@ -18,8 +19,9 @@ use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// l_further looks at pixels farther from any line than this, in cells (`docs/papers/region_gnn.md`).
 const FAR: f32 = 6.0;
@@ -140,15 +142,37 @@ impl Prepared {
     }
 }
 
+/// How a training is watched, bounded and kept.
+pub struct Control<'a> {
+    /// Called after every epoch.
+    pub progress: &'a mut dyn FnMut(&EpochReport),
+    /// Seconds for the whole training, preparation included: the schedule follows the clock and `epochs` of the
+    /// configuration is not looked at. How many epochs fit depends on the machine; the record says how many there were.
+    pub budget: Option<Duration>,
+    /// Where the state is kept meanwhile.
+    pub checkpoints: Option<Checkpoints>,
+}
+
+impl<'a> Control<'a> {
+    /// No budget and no checkpoints.
+    pub fn new(progress: &'a mut dyn FnMut(&EpochReport)) -> Self {
+        Self { progress, budget: None, checkpoints: None }
+    }
+}
+
 /// Trains a network on an exemplar; returns it with the parts of its first extraction and a record.
 ///
+/// An interrupted training that is resumed ends with the same weights as one that was not, unless a budget ties the
+/// schedule to the clock.
+///
 /// # Errors
-/// When the exemplar is too small, has no lines, or the training diverges.
+/// When the exemplar is too small, has no lines, the training diverges, or a checkpoint cannot be written or does not belong
+/// to this training. After a divergence the last checkpoint is still there.
 pub fn train(
     exemplar: &Exemplar,
     config: &RegionGnnConfig,
     seed: Seed,
-    mut progress: impl FnMut(&EpochReport),
+    control: Control<'_>,
 ) -> Result<(Network, Vec<SketchPart>, TrainingRecord)> {
     config.validate()?;
     let (rows, cols) = exemplar.heights.shape();
@@ -157,18 +181,7 @@ pub fn train(
         return Err(Error::value("exemplar size", format!("{rows}x{cols}"), allowed));
     }
     let started = Instant::now();
-    let samples = exemplar
-        .lines
-        .iter()
-        .take(config.extractions)
-        .enumerate()
-        .filter(|(i, lines)| *i == 0 || lines.line_count() > 0)
-        .map(|(i, lines)| {
-            let frame = LineFrame::new(lines, config, config.loss_after_correction)?;
-            let sketch = Prepared::new(lines, &frame, config, seed.derive_indexed("exemplar parts", i))?;
-            Ok((sketch, frame.correction.filter(|_| config.loss_after_correction)))
-        })
-        .collect::<Result<Vec<_>>>()?;
+    let samples = prepare(exemplar, config, seed)?;
     let Some((first, _)) = samples.first() else {
         return Err(Error::value("number of extractions", 0, "the exemplar needs at least one"));
     };
@@ -182,48 +195,120 @@ pub fn train(
     let network = Network::new(config, first.parts.len(), seed)?;
     let preparation_seconds = started.elapsed().as_secs_f64();
 
-    let started = Instant::now();
     let mut adam = Adam::over(network.params());
+    let mut progress = Progress::start(identity(exemplar, config, seed));
+    if let Some(c) = control.checkpoints.as_ref().filter(|c| c.resume && c.path.exists()) {
+        progress = checkpoint::load(&c.path, &progress.identity, network.params(), &mut adam)?;
+    }
+    let (begun, spent) = (Instant::now(), progress.seconds);
+    let elapsed = || spent + begun.elapsed().as_secs_f64();
+    let budget = control.budget.map(|b| b.as_secs_f64() - preparation_seconds);
     let schedule = Schedule { peak: config.learning_rate, steps: config.epochs, warm_up: 0.03, floor: 0.01 };
-    let mut choice = seed.stream("extraction of each epoch");
-    let mut times = Vec::with_capacity(config.epochs);
-    let mut history = Vec::new();
-    let interval = config.epochs.div_ceil(200);
-    for epoch in 0..config.epochs {
-        let begun = Instant::now();
-        let (sample, correction) = &samples[choice.random_range(0..samples.len())];
+    let mut times = Vec::new();
+    let mut last = None;
+    let mut kept = Instant::now();
+    loop {
+        let epoch = progress.epoch;
+        // Of a budget at least one epoch is done, and none is begun that would not end in time.
+        let typical = times.last().copied().unwrap_or(0.0);
+        let over = match budget {
+            Some(budget) => epoch > 0 && elapsed() + typical > budget,
+            None => epoch >= config.epochs,
+        };
+        let stale = config.patience > 0 && epoch - progress.lowest_epoch >= config.patience;
+        if over || stale {
+            break;
+        }
+        let phase = budget.map(|budget| elapsed() / budget.max(1e-9));
+        let rate = phase.map_or_else(|| schedule.at(epoch), |phase| schedule.at_phase(phase.max(1e-3)));
+        let epoch_begun = Instant::now();
         let seed = seed.derive_indexed("epoch", epoch);
+        let choice = seed.stream("extraction").random_range(0..samples.len());
+        let (sample, correction) = &samples[choice];
         let edges = sample.draw(config, config.masked, seed);
         let output = network.forward(&edges, None, seed)?;
-        let (losses, surrogate) = objective.evaluate(&network, sample, correction.as_ref(), &output, seed)?;
+        let (losses, surrogate) = objective.evaluate(sample, correction.as_ref(), &output, seed)?;
         if let Some((what, value)) = losses.first_not_finite() {
             return Err(Error::Diverged { epoch, what, value });
         }
         let gradients = surrogate.backward()?;
-        adam.update(network.params().iter().map(|(_, var)| var), &gradients, schedule.at(epoch))?;
-        times.push(begun.elapsed().as_secs_f64());
+        adam.update(network.params().iter().map(|(_, var)| var), &gradients, rate)?;
+        times.push(epoch_begun.elapsed().as_secs_f64());
         let report = EpochReport {
             epoch: epoch + 1,
-            epochs: config.epochs,
+            epochs: match phase {
+                Some(phase) => ((epoch + 1) as f64 / phase.max(1e-3)).round() as usize,
+                None => config.epochs,
+            },
             losses,
-            seconds: started.elapsed().as_secs_f64(),
+            seconds: elapsed(),
         };
-        progress(&report);
-        if epoch % interval == 0 || epoch + 1 == config.epochs {
-            history.push(report);
+        progress.count(report, losses.weighted(&config.losses));
+        (control.progress)(&report);
+        if let Some(c) = control.checkpoints.as_ref().filter(|c| kept.elapsed() >= c.interval) {
+            // A state that is no longer finite must not replace one that is.
+            if network.params().snapshot()?.iter().flatten().all(|v| v.is_finite()) {
+                checkpoint::save(&c.path, &progress, network.params(), &adam)?;
+            }
+            kept = Instant::now();
         }
+        last = Some(report);
     }
-    let seconds = started.elapsed().as_secs_f64();
     times.sort_by(f64::total_cmp);
+    let seconds_per_epoch =
+        times.get(times.len() / 2).copied().unwrap_or(progress.seconds / progress.epoch.max(1) as f64);
+    let mut history = progress.history;
+    if history.last().map(|h| h.epoch) != Some(progress.epoch) {
+        history.extend(last);
+    }
     let record = TrainingRecord {
-        epochs: config.epochs,
-        seconds,
+        epochs: progress.epoch,
+        seconds: progress.seconds,
         preparation_seconds,
-        seconds_per_epoch: times[times.len() / 2],
+        seconds_per_epoch,
         history,
     };
     let parts = first.parts.clone();
     Ok((network, parts, record))
+}
+
+/// The extractions of an exemplar as graphs, with their corrections where the losses go through them.
+fn prepare(
+    exemplar: &Exemplar,
+    config: &RegionGnnConfig,
+    seed: Seed,
+) -> Result<Vec<(Prepared, Option<LineCorrection>)>> {
+    exemplar
+        .lines
+        .iter()
+        .take(config.extractions)
+        .enumerate()
+        .filter(|(i, lines)| *i == 0 || lines.line_count() > 0)
+        .map(|(i, lines)| {
+            let frame = LineFrame::new(lines, config, config.loss_after_correction)?;
+            let sketch = Prepared::new(lines, &frame, config, seed.derive_indexed("exemplar parts", i))?;
+            Ok((sketch, frame.correction.filter(|_| config.loss_after_correction)))
+        })
+        .collect()
+}
+
+/// SHA-256 of all that decides a training, but how long and how fast it learns.
+fn identity(exemplar: &Exemplar, config: &RegionGnnConfig, seed: Seed) -> String {
+    let (epochs, learning_rate, patience) = (1, 1.0, 0);
+    let config = RegionGnnConfig { epochs, learning_rate, patience, ..config.clone() };
+    let mut hasher = Sha256::new();
+    hasher.update(serde_json::to_vec(&(config, seed)).expect("a configuration is plain data"));
+    for (height, valid) in exemplar.heights.as_slice().iter().zip(exemplar.valid.as_slice()) {
+        hasher.update(height.to_le_bytes());
+        hasher.update([u8::from(*valid)]);
+    }
+    for lines in &exemplar.lines {
+        for (height, kind) in lines.heights().as_slice().iter().zip(lines.kinds().as_slice()) {
+            hasher.update(height.to_le_bytes());
+            hasher.update([kind.map_or(0, |kind| 1 + kind as u8)]);
+        }
+    }
+    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The weighted sum of the losses against one exemplar.
@@ -237,7 +322,6 @@ impl Objective<'_> {
     /// The losses, and a scalar whose gradient is theirs: heights times the gradient by the heights, as constants.
     fn evaluate(
         &self,
-        network: &Network,
         sample: &Prepared,
         correction: Option<&LineCorrection>,
         output: &Output,
@@ -272,7 +356,7 @@ impl Objective<'_> {
             let chosen: Vec<u32> = (0..FAR_SAMPLES).map(|_| far[stream.random_range(0..far.len())]).collect();
             let index = Tensor::from_slice(&chosen, chosen.len(), &Device::Cpu)?;
             let heights = output.heights.index_select(&index, 0)?;
-            let baseline = network.far_field(output, &chosen)?;
+            let baseline = output.far_height.broadcast_as(chosen.len())?;
             let wide = |t: &Tensor| -> Result<Vec<f64>> {
                 Ok(t.to_vec1::<f32>()?.into_iter().map(f64::from).collect())
             };
@@ -296,6 +380,16 @@ fn far_pixels(graph: &RegionGraph) -> Vec<u32> {
 }
 
 impl LossValues {
+    /// The weighted sum that is trained (Eq. 3); l_gradient counts as its sum over pixels would.
+    fn weighted(&self, w: &LossWeights) -> f64 {
+        w.ground_truth * self.ground_truth
+            + w.ssim * self.ssim
+            + w.gradient * self.gradient
+            + w.sketch * self.sketch
+            + w.smooth * self.smooth
+            + w.further * self.further
+    }
+
     fn first_not_finite(&self) -> Option<(&'static str, f64)> {
         [
             ("l_gt", self.ground_truth),
