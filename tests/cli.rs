@@ -425,7 +425,7 @@ fn a_style_is_trained_used_and_scored() {
     let folder = temporary();
     let at = folder.path();
     let train = ["train", "sierra", "-o", "s.safetensors", "--crop", "128,0,128", "--epochs", "3"];
-    let settings = ["--set", "model.extractions=2", "--set", "model.splits=1"];
+    let settings = ["--set", "model.extractions=2", "--set", "model.splits=1", "--set", "detail.steps=2"];
     done(at, &[&train[..], &settings[..]].concat());
     let info: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
     assert_eq!(info["training"]["epochs"], 3);

@@ -8,7 +8,9 @@ use crate::error::Result;
 use crate::extract::random::{RandomSketchConfig, enhance};
 use crate::sketch::geojson::{self, HeightUnit, MissingHeights, SketchReading};
 use crate::sketch::{Sketch, samples};
+use crate::systems::pipeline::{add_detail, detail_of};
 use crate::systems::region_gnn::Style;
+use crate::systems::singan::DetailUse;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `generate`.
@@ -17,6 +19,7 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif
   monadnock generate sierra.safetensors --sketch lambda-ring -o terrain.tif --random-sketches 40
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.png --elevation 800,2400
+  monadnock generate sierra.safetensors --sketch mine.geojson -o rough.tif --detail-strength 1.3 --detail-size 4
 
 Sketch heights are metres, or 0 to 1 of the style's range when the file says \"unit\": \"normalised\".
 The output's format follows its ending: .tif (float32), .png (16 bits), .npy, .asc.")]
@@ -39,9 +42,32 @@ pub(super) struct GenerateArgs {
     /// Nodes of random ridges and valleys to fill the empty parts of a sparse sketch (paper, 5.2)
     #[arg(long, value_name = "N")]
     random_sketches: Option<usize>,
+    #[command(flatten)]
+    detail: DetailOptions,
     /// Fill in missing heights along each stroke from the given ones
     #[arg(long)]
     interpolate_heights: bool,
+}
+
+/// How detail is added.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Detail")]
+pub(super) struct DetailOptions {
+    /// Leave the terrain as the lines say it, without the style's detail
+    #[arg(long)]
+    no_detail: bool,
+    /// Roughness: 0 none, 1 the style's own
+    #[arg(long, value_name = "X", default_value_t = DetailUse::default().strength)]
+    detail_strength: f32,
+    /// Cells below which forms are the style's and no longer the sketch's
+    #[arg(long, value_name = "CELLS", default_value_t = DetailUse::default().size)]
+    detail_size: f64,
+}
+
+impl DetailOptions {
+    fn settings(&self) -> DetailUse {
+        DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() }
+    }
 }
 
 /// Runs the verb.
@@ -67,7 +93,15 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         }
         None => sketch,
     };
-    let terrain = style.generate(&sketch.rasterize(), Some(range), context.seed)?;
+    let lines = sketch.rasterize();
+    let terrain = style.generate(&lines, Some(range), context.seed)?;
+    let terrain = match detail_of(&style)?.filter(|_| !args.detail.no_detail) {
+        Some(detail) => {
+            let how = args.detail.settings();
+            add_detail(&terrain, &detail, range, Some(&lines), None, &how, context.seed)?
+        }
+        None => terrain,
+    };
     let cell_size = match &reading.georeference {
         // The transform's own steps, when they are metres.
         Some(g) if g.epsg.is_none_or(|code| code != 4326) => {

@@ -4,6 +4,7 @@
 //! line is in `args`; everything that is shown goes through the `console`. Results are in the files that a verb
 //! writes, and they do not depend on `--threads` or `--quiet`.
 
+mod amplify;
 mod args;
 mod completions;
 mod console;
@@ -13,6 +14,7 @@ mod extract;
 mod generate;
 mod info;
 mod render;
+mod sample;
 mod train;
 
 use crate::error::{Error, Result};
@@ -79,6 +81,10 @@ enum Command {
     Train(train::TrainArgs),
     /// Turn a sketch into terrain in a style
     Generate(generate::GenerateArgs),
+    /// Add a style's detail to terrain and make it finer
+    Amplify(amplify::AmplifyArgs),
+    /// Draw new terrain in a style from noise alone, without a sketch
+    Sample(sample::SampleArgs),
     /// Rebuild patches of terrain from their lines with every system, and score them
     Eval(eval::EvalArgs),
     /// Draw terrain as a shaded relief picture (PNG), with a sketch over it if wanted
@@ -137,6 +143,8 @@ fn dispatch(command: &Command, context: &Context) -> Result<()> {
         Command::Extract(args) => extract::run(args, context),
         Command::Train(args) => train::run(args, context),
         Command::Generate(args) => generate::run(args, context),
+        Command::Amplify(args) => amplify::run(args, context),
+        Command::Sample(args) => sample::run(args, context),
         Command::Eval(args) => eval::run(args, context),
         Command::Render(args) => render::run(args, context),
         Command::Info(args) => info::run(args, context),

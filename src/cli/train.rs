@@ -6,8 +6,10 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar};
 use crate::grid::Cell;
+use crate::systems::pipeline::learn_detail;
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
+use crate::systems::singan::DetailConfig;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -21,6 +23,7 @@ const LARGEST_WHOLE: usize = 192 * 192;
   monadnock train alps.tif -o alps.safetensors --crop 256,256,128
   monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
   monadnock train alps.tif -o alps.safetensors --config mine.toml
+  monadnock train alps.tif -o alps.safetensors --no-detail
   monadnock train alps.tif -o alps.safetensors --budget 60s
   monadnock train alps.tif -o alps.safetensors --epochs 5000 --resume
 
@@ -30,7 +33,8 @@ ends with the same weights as one that was never stopped, except under --budget,
 
 Without --crop the whole terrain is learned when it is small, else its most varied central 128x128 patch.
 
-The configuration is a TOML file with the sections [extraction], [model] and [generation]; --set overrides one key.
+The configuration is a TOML file with the sections [extraction], [model], [generation] and [detail]; --set overrides one
+key.
 Order of precedence: preset, then the file, then --epochs and --set.")]
 pub(super) struct TrainArgs {
     #[command(flatten)]
@@ -49,6 +53,9 @@ pub(super) struct TrainArgs {
     /// One setting, such as model.width=64; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Leave out the detail model: terrain keeps only the forms that the lines say
+    #[arg(long)]
+    no_detail: bool,
     /// Training steps
     #[arg(long, conflicts_with = "budget")]
     epochs: Option<usize>,
@@ -78,7 +85,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         PresetName::Anchored => Preset::Anchored,
         PresetName::Paper => Preset::Paper,
     };
-    let config = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
+    let (config, detail) = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
     let dem = args.dem.load()?;
     check_output(&args.output)?;
     let (origin, rows, cols) = match args.crop.window {
@@ -103,8 +110,13 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
             checkpoint.display()
         ));
     }
-    let style = trained?;
+    let mut style = trained?;
     style.save(&args.output)?;
+    if !args.no_detail {
+        // The coarse model is on the disk already, whatever happens to the detail.
+        detail_with_progress(&mut style, &source, &detail, context)?;
+        style.save(&args.output)?;
+    }
     if checkpoint.exists() {
         std::fs::remove_file(&checkpoint).map_err(Error::io(&checkpoint, "remove the checkpoint"))?;
     }
@@ -174,17 +186,34 @@ pub(super) fn train_with_progress(
     learn_with(source, config, context.seed, control)
 }
 
-/// The preset, overlaid with a file and with single keys.
+/// Learns the detail under a progress bar.
+fn detail_with_progress(
+    style: &mut Style,
+    source: &Source,
+    config: &DetailConfig,
+    context: &Context,
+) -> Result<()> {
+    let (rows, cols) = source.dem.shape();
+    let work = config.work(rows, cols);
+    let total: u64 = work.iter().map(|w| w * config.steps as u64).sum();
+    let progress = context.console.progress(total, "detail");
+    learn_detail(style, source, config, context.seed, |report| {
+        progress.note(format!("scale {} of {}", report.scale + 1, report.scales));
+        progress.advance(work[report.scale]);
+    })
+}
+
+/// The preset, overlaid with a file and with single keys: of the coarse model and of the detail.
 fn resolve(
     preset: Preset,
     file: Option<&Path>,
     set: &[String],
     epochs: Option<usize>,
-) -> Result<StyleConfig> {
-    let mut table = match toml::Table::try_from(StyleConfig::preset(preset)) {
-        Ok(table) => table,
-        Err(e) => return Err(Error::value("configuration", e, "a preset must be plain data")),
-    };
+) -> Result<(StyleConfig, DetailConfig)> {
+    let plain = |e: toml::ser::Error| Error::value("configuration", e, "a preset must be plain data");
+    let mut table = toml::Table::try_from(StyleConfig::preset(preset)).map_err(plain)?;
+    let detail = if preset == Preset::Paper { DetailConfig::paper() } else { DetailConfig::default() };
+    table.insert("detail".into(), toml::Table::try_from(detail).map_err(plain)?.into());
     if let Some(path) = file {
         let overlay = read_toml(path)?;
         merge(&mut table, overlay);
@@ -202,20 +231,24 @@ fn resolve(
             .map_err(|_| Error::value("--set", setting, allowed))?;
         merge(&mut table, overlay);
     }
-    let mut config = parse(table)?;
+    let (mut config, detail) = parse(table)?;
     if let Some(epochs) = epochs {
         config.model.epochs = epochs;
     }
     config.validate()?;
-    Ok(config)
+    Ok((config, detail))
 }
 
-fn parse(table: toml::Table) -> Result<StyleConfig> {
-    let config: StyleConfig = table.try_into().map_err(|e: toml::de::Error| {
+fn parse(mut table: toml::Table) -> Result<(StyleConfig, DetailConfig)> {
+    let bad = |e: toml::de::Error| {
         Error::value("configuration", e.message(), "see `monadnock info STYLE --json` for all keys")
-    })?;
+    };
+    let detail = table.remove("detail").unwrap_or_else(|| toml::Table::new().into());
+    let detail: DetailConfig = detail.try_into().map_err(bad)?;
+    let config: StyleConfig = table.try_into().map_err(bad)?;
     config.validate()?;
-    Ok(config)
+    detail.validate()?;
+    Ok((config, detail))
 }
 
 /// Puts `overlay` over `table`, section by section.
@@ -241,7 +274,10 @@ mod tests {
             let settings: Vec<String> = s.iter().map(|s| (*s).to_owned()).collect();
             resolve(Preset::Anchored, None, &settings, Some(7))
         };
-        let config = set(&["model.base=laplace", "extraction.min_order=3", "model.losses.ssim=2.5"]).unwrap();
+        let settings = ["model.base=laplace", "extraction.min_order=3", "model.losses.ssim=2.5", "detail.steps=9"];
+        let (config, detail) = set(&settings).unwrap();
+        assert_eq!(detail, DetailConfig { steps: 9, ..DetailConfig::default() });
+        assert!(set(&["detail.width=33"]).unwrap_err().to_string().contains("detail.width is 33"));
         assert_eq!((config.model.base, config.extraction.min_order), (Base::Laplace, 3));
         assert_eq!((config.model.losses.ssim, config.model.epochs), (2.5, 7));
         assert!(set(&["model.widht=64"]).unwrap_err().to_string().contains("widht"));

@@ -121,7 +121,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         origins.sort_by_key(|c| c.distance_squared(exemplar));
         origins.truncate(3);
     }
-    let systems = registry::all(&first.style);
+    let systems = registry::all(&first.style)?;
     let protocol = EvaluationConfig {
         extraction: config.extraction.clone(),
         sketch_order: None,

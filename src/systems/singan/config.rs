@@ -176,6 +176,16 @@ impl DetailConfig {
             }
     }
 
+    /// Relative cost of a training step at every scale, the coarsest first: for progress bars.
+    #[must_use]
+    pub fn work(&self, rows: usize, cols: usize) -> Vec<u64> {
+        let cost = |(i, (r, c)): (usize, (usize, usize))| {
+            let width = if i < 4 { self.width } else { self.fine_width };
+            ((r + 6) * (c + 6) * width * width / 4096) as u64 + 1
+        };
+        self.pyramid(rows, cols).into_iter().enumerate().map(cost).collect()
+    }
+
     /// (rows, columns) of every scale of an exemplar, the coarsest first (SinGAN's published code).
     pub(super) fn pyramid(&self, rows: usize, cols: usize) -> Vec<(usize, usize)> {
         let ratio = self.coarsest as f64 / rows.min(cols) as f64;

@@ -31,7 +31,7 @@ pub struct DetailUse {
 
 impl Default for DetailUse {
     fn default() -> Self {
-        Self { size: 4.0, strength: 1.0, keep: 0.0, noise: 1.0, match_relief: true }
+        Self { size: 2.0, strength: 1.0, keep: 0.0, noise: 1.0, match_relief: true }
     }
 }
 

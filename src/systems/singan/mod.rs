@@ -15,3 +15,5 @@ pub use train::{StepReport, train};
 
 #[cfg(test)]
 mod network_tests;
+#[cfg(test)]
+mod tests;
