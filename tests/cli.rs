@@ -451,12 +451,36 @@ fn a_style_is_trained_used_and_scored() {
     let answer = done(at, &[&eval[..], &files[..]].concat());
     assert!(answer.out.contains("1 patches overlap the exemplar"), "{}", answer.out);
     let rows = std::fs::read_to_string(at.join("s.csv")).unwrap();
-    assert_eq!(rows.lines().count(), 1 + 2 * 2, "{rows}");
+    assert_eq!(rows.lines().count(), 1 + 2 * 3, "{rows}");
     let json: Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
-    assert_eq!(json["systems"].as_array().unwrap().len(), 2);
-    for file in ["truth.tif", "sketch.geojson", "gnn.tif", "laplace.tif"] {
+    assert_eq!(json["systems"].as_array().unwrap().len(), 3);
+    for file in ["truth.tif", "sketch.geojson", "gnn.tif", "gnn+detail.tif", "laplace.tif"] {
         assert!(at.join("rebuilt/0_0").join(file).exists(), "{file}");
     }
+
+    let plain = ["generate", "s.safetensors", "--sketch", "lambda-ring", "-o", "p.tif", "--no-detail"];
+    done(at, &[&plain[..], &["--elevation", "100,900"]].concat());
+    assert_ne!(std::fs::read(at.join("a.tif")).unwrap(), std::fs::read(at.join("p.tif")).unwrap());
+    assert_eq!(info["detail"]["config"]["steps"], 2);
+    done(at, &["amplify", "s.safetensors", "p.tif", "--factor", "2", "-o", "fine.tif"]);
+    let fine: Value = serde_json::from_str(&done(at, &["info", "fine.tif", "--json"]).out).unwrap();
+    let coarse: Value = serde_json::from_str(&done(at, &["info", "p.tif", "--json"]).out).unwrap();
+    assert_eq!(fine["rows"].as_u64().unwrap(), 2 * coarse["rows"].as_u64().unwrap());
+    for (seed, file) in [("1", "n1.tif"), ("1", "n2.tif"), ("2", "n3.tif")] {
+        done(at, &["--seed", seed, "sample", "s.safetensors", "--size", "64x96", "-o", file]);
+    }
+    let bytes = |file: &str| std::fs::read(at.join(file)).unwrap();
+    assert!(bytes("n1.tif") == bytes("n2.tif") && bytes("n1.tif") != bytes("n3.tif"));
+    let bare =
+        ["train", "sierra", "-o", "bare.safetensors", "--crop", "128,0,64", "--epochs", "2", "--no-detail"];
+    done(at, &[&bare[..], &settings[..]].concat());
+    fails(
+        at,
+        &["sample", "bare.safetensors", "--size", "64x64", "-o", "x.tif"],
+        1,
+        &["detail", "--no-detail"],
+    );
+    fails(at, &["sample", "s.safetensors", "--size", "8x64", "-o", "x.tif"], 1, &["8x64", "16"]);
 
     fails(at, &["train", "sierra", "-o", "x.safetensors", "--crop", "0,0,16"], 1, &["16x16", "32"]);
     fails(at, &["train", "sierra", "-o", "x.safetensors", "--set", "model.width=33"], 1, &["width", "33"]);

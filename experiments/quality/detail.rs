@@ -15,7 +15,7 @@ use monadnock::dem::{Dem, Normalization};
 use monadnock::extract;
 use monadnock::grid::{Cell, Grid};
 use monadnock::interpolation::{Correction, CorrectionKind, NaturalNeighbours};
-use monadnock::metrics::{Scores, Summary, psnr};
+use monadnock::metrics::{Scores, Summary, copy_audit, diversity, psnr, sliced_wasserstein};
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
 use monadnock::systems::region_gnn::Style;
@@ -64,7 +64,7 @@ fn main() -> Result<()> {
         "rebuilt {:.2} dB",
         psnr(&detail.reconstruct().map(|z| z.clamp(0.0, 1.0)), &heights, &valid, 1.0)?
     );
-    judge(&style, &detail, &how, Path::new(held))
+    judge(&style, &heights, &detail, &how, Path::new(held))
 }
 
 fn parse(settings: &[String]) -> (DetailConfig, DetailUse, bool) {
@@ -112,12 +112,14 @@ fn learn(heights: &Grid<f32>, twins: &[Grid<f32>], config: &DetailConfig, stored
     Ok(detail)
 }
 
-fn judge(style: &Style, detail: &Detail, how: &DetailUse, held: &Path) -> Result<()> {
+fn judge(style: &Style, exemplar: &Grid<f32>, detail: &Detail, how: &DetailUse, held: &Path) -> Result<()> {
     let mut folders: Vec<PathBuf> =
         std::fs::read_dir(held).expect("a folder").map(|f| f.expect("readable").path()).collect();
     folders.retain(|f| f.is_dir());
     folders.sort();
     let (mut before, mut after) = (Vec::new(), Vec::new());
+    let (mut wasserstein, mut copied, mut spread) = ([0.0; 2], 0.0, 0.0);
+    let n = folders.len() as f64;
     for folder in &folders {
         let read = |name: &str| io::read(&folder.join(name), &ReadOptions::default());
         let (truth, coarse) = (read("truth.tif")?, read("gnn.tif")?);
@@ -134,6 +136,12 @@ fn judge(style: &Style, detail: &Detail, how: &DetailUse, held: &Path) -> Result
             let found = extract::ridges_and_valleys(map, &valid, &style.info.config.extraction)?;
             scores.push(Scores::of(map, &unit, &valid, &lines)?.with_lines(&lines, &found)?);
         }
+        wasserstein[0] += sliced_wasserstein(&unit_coarse, &unit, &valid)? / n;
+        wasserstein[1] += sliced_wasserstein(&detailed, &unit, &valid)? / n;
+        copied += copy_audit(&detailed, exemplar)?.copied_share / n;
+        let other = detail.add(&unit_coarse, None, how, Seed(2))?;
+        let one = detail.add(&unit_coarse, None, how, Seed(1))?;
+        spread += diversity(&[one, other])? / n;
         let metres = detailed.map(|&z| normal.to_metres(f64::from(z)) as f32);
         io::write(
             &Dem::new(metres, truth.cell_size())?,
@@ -141,7 +149,9 @@ fn judge(style: &Style, detail: &Detail, how: &DetailUse, held: &Path) -> Result
             &WriteOptions::default(),
         )?;
     }
-    println!("{} patches", folders.len());
+    println!("{} patches; copied share {copied:.4}, diversity {spread:.4}", folders.len());
+    let [coarse, fine] = wasserstein;
+    println!("{:22} {coarse:9.4} -> {fine:9.4}  ({:.2})", "sliced_wasserstein", fine / coarse);
     let (before, after) = (Summary::of(&before), Summary::of(&after));
     for coarse in &before.spreads {
         let name = &coarse.name;

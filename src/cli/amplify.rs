@@ -45,7 +45,11 @@ pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
     check_output(&args.output)?;
     let voids = dem.valid().as_slice().iter().filter(|ok| !**ok).count();
     if voids > 0 {
-        return Err(Error::value("number of void cells", voids, "terrain to amplify has none: fill them first"));
+        return Err(Error::value(
+            "number of void cells",
+            voids,
+            "terrain to amplify has none: fill them first",
+        ));
     }
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
     let factor = usize::from(args.factor);

@@ -274,7 +274,8 @@ mod tests {
             let settings: Vec<String> = s.iter().map(|s| (*s).to_owned()).collect();
             resolve(Preset::Anchored, None, &settings, Some(7))
         };
-        let settings = ["model.base=laplace", "extraction.min_order=3", "model.losses.ssim=2.5", "detail.steps=9"];
+        let settings =
+            ["model.base=laplace", "extraction.min_order=3", "model.losses.ssim=2.5", "detail.steps=9"];
         let (config, detail) = set(&settings).unwrap();
         assert_eq!(detail, DetailConfig { steps: 9, ..DetailConfig::default() });
         assert!(set(&["detail.width=33"]).unwrap_err().to_string().contains("detail.width is 33"));

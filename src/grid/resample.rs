@@ -136,11 +136,12 @@ mod tests {
         };
         let (a, b) = (plane(17, 23), plane(40, 31));
         assert_eq!(resample(&a, 17, 23), a);
-        for (got, want) in [(resample(&a, 40, 31), &b), (resample(&b, 17, 23), &a)] {
+        // A widened kernel keeps slopes only nearly: its samples are not the cubic's own.
+        for (got, want, tolerance) in [(resample(&a, 40, 31), &b, 1e-5), (resample(&b, 17, 23), &a, 2e-3)] {
             for (cell, z) in got.cells() {
                 let inside = |i: usize, side: usize| i > 4 && i + 4 < side;
                 if inside(cell.row, got.rows()) && inside(cell.col, got.cols()) {
-                    assert!((z - want[cell]).abs() < 1e-5, "{cell:?}");
+                    assert!((z - want[cell]).abs() < tolerance, "{cell:?} {z} {}", want[cell]);
                 }
             }
         }

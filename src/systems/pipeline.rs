@@ -34,12 +34,10 @@ pub fn learn_detail(
     let heights = style.info.normalization.normalize(&source.dem);
     let valid = source.dem.valid();
     let settings = &style.info.config;
-    let variants = extract::variants(&heights, valid, &settings.extraction, settings.model.extractions, seed)?;
-    let twins: Vec<Grid<f32>> = variants
-        .iter()
-        .filter(|lines| lines.line_count() > 0)
-        .map(natural_surface)
-        .collect::<Result<_>>()?;
+    let variants =
+        extract::variants(&heights, valid, &settings.extraction, settings.model.extractions, seed)?;
+    let twins: Vec<Grid<f32>> =
+        variants.iter().filter(|lines| lines.line_count() > 0).map(natural_surface).collect::<Result<_>>()?;
     let filled = if valid.as_slice().contains(&false) {
         harmonic(valid, &heights.map(|z| f64::from(*z)))?.map(|z| *z as f32)
     } else {
@@ -72,9 +70,9 @@ pub fn detail_of(style: &Style) -> Result<Option<Detail>> {
         .map_err(|e| Error::value("description of the detail", e, "allowed: what `train` writes"))?;
     let tensor = |name: &str| {
         let found = style.detail_tensors.iter().find(|(n, _)| n == name);
-        found
-            .map(|(_, values)| values.clone())
-            .ok_or_else(|| Error::value(format!("tensor detail.{name}"), "missing", "a style with detail has it"))
+        found.map(|(_, values)| values.clone()).ok_or_else(|| {
+            Error::value(format!("tensor detail.{name}"), "missing", "a style with detail has it")
+        })
     };
     Detail::from_parts(info, tensor).map(Some)
 }

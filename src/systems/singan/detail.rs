@@ -24,7 +24,7 @@ pub struct DetailUse {
     pub keep: f32,
     /// Amplitude of the noise: 0 gives the one most likely answer, 1 as trained.
     pub noise: f32,
-    /// Whether the map's slopes at the first scale are brought to the exemplar's before, and back after: detail then fits the
+    /// Whether the map's slopes at the first scale are brought to those of the exemplar's coarse twins before, and back after: detail then fits the
     /// map's relief whatever its unit. Without it heights are taken in the exemplar's range.
     pub match_relief: bool,
 }
@@ -209,11 +209,11 @@ impl Detail {
         Ok(out)
     }
 
-    /// What brings the map's slopes at a scale to the exemplar's; 1 for level ground.
+    /// What brings the map's slopes at a scale to those of the exemplar's coarse twins; 1 for level ground.
     fn relief(&self, map: &Grid<f32>, scale: usize) -> f32 {
         let own = mean_square_slope(map).sqrt() as f32;
-        let exemplar = self.scales[scale].residual.slope_of_exemplar;
-        if own > 0.0 { (exemplar / own).clamp(1e-3, 1e3) } else { 1.0 }
+        let twins = self.scales[scale].residual.slope_of_twins;
+        if own > 0.0 { (twins / own).clamp(1e-3, 1e3) } else { 1.0 }
     }
 }
 
@@ -227,8 +227,8 @@ pub struct DetailInfo {
     pub sizes: Vec<(usize, usize)>,
     /// Seed of the reconstruction's noise.
     pub fixed_noise: Seed,
-    /// Of every scale: amplitude of the noise, height of an output, root mean square slope of the exemplar.
-    pub scales: Vec<[f32; 3]>,
+    /// Of every scale: amplitude of the noise, height of an output, root mean square slopes of the exemplar and of its twins.
+    pub scales: Vec<[f32; 4]>,
 }
 
 impl Detail {
@@ -242,7 +242,10 @@ impl Detail {
             scales: self
                 .scales
                 .iter()
-                .map(|s| [s.noise, s.residual.scale, s.residual.slope_of_exemplar])
+                .map(|s| {
+                    let r = s.residual;
+                    [s.noise, r.scale, r.slope_of_exemplar, r.slope_of_twins]
+                })
                 .collect(),
         };
         let name = |i: usize| format!("scale.{i}");
@@ -264,7 +267,7 @@ impl Detail {
         }
         let mut detail = Self::empty(info.config.clone(), info.sizes.clone());
         detail.fixed_noise = info.fixed_noise;
-        for (i, &[noise, scale, slope]) in info.scales.iter().enumerate() {
+        for (i, &[noise, scale, slope, coarse]) in info.scales.iter().enumerate() {
             let view = info.config.view;
             let gain = if view == View::Slopes { slope.recip() } else { 1.0 };
             let lens = Lens { view, gain };
@@ -272,12 +275,12 @@ impl Detail {
             let shape = Shape { inputs: lens.generator_inputs(), width, batch_norm: false };
             let values = weights(&format!("scale.{i}"))?;
             let good = values.len() == shape.value_count() && values.iter().all(|v| v.is_finite());
-            if !good || !(noise.is_finite() && scale.is_finite() && slope > 0.0) {
-                let allowed = format!("allowed: {} finite values and a positive slope", shape.value_count());
+            if !good || !(noise.is_finite() && scale.is_finite() && slope > 0.0 && coarse > 0.0) {
+                let allowed = format!("allowed: {} finite values and positive slopes", shape.value_count());
                 return Err(Error::value(format!("detail of scale {i}"), values.len(), allowed));
             }
             let net = Network { shape, values, running: Vec::new() };
-            let residual = Residual { view, scale, slope_of_exemplar: slope };
+            let residual = Residual { view, scale, slope_of_exemplar: slope, slope_of_twins: coarse };
             detail.scales.push(Scale { net, lens, residual, noise });
         }
         Ok(detail)

@@ -147,6 +147,8 @@ pub(super) struct Residual {
     pub(super) scale: f32,
     /// Root mean square slope of the exemplar at this scale, heights a cell.
     pub(super) slope_of_exemplar: f32,
+    /// The same of its coarse twins, whose slopes those of a coarse map are measured against; the exemplar's without any.
+    pub(super) slope_of_twins: f32,
 }
 
 impl Residual {

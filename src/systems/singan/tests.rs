@@ -73,7 +73,8 @@ fn tiled_equals_untiled_to_the_bit() {
 #[test]
 fn strength_mask_and_seed_do_what_they_say() {
     let map = ground(50);
-    let add = |how: &DetailUse, mask: Option<&Mask>, seed: u64| model().add(&map, mask, how, Seed(seed)).unwrap();
+    let add =
+        |how: &DetailUse, mask: Option<&Mask>, seed: u64| model().add(&map, mask, how, Seed(seed)).unwrap();
     let how = DetailUse::default();
     let one = add(&how, None, 1);
     assert_eq!(one, add(&how, None, 1));
@@ -117,7 +118,9 @@ fn parts_survive_storage_and_damage_is_named() {
     let sample = |d: &Detail| d.sample(40, 60, Seed(3)).unwrap();
     assert_eq!(sample(&again), sample(model()));
     assert_eq!(sample(&again).shape(), (40, 60));
-    assert!(Detail::from_parts(stored.clone(), |_| Ok(vec![0.0; 3])).unwrap_err().to_string().contains("scale 0"));
+    assert!(
+        Detail::from_parts(stored.clone(), |_| Ok(vec![0.0; 3])).unwrap_err().to_string().contains("scale 0")
+    );
     let nan = |name: &str| find(name).map(|v: Vec<f32>| vec![f32::NAN; v.len()]);
     assert!(Detail::from_parts(stored.clone(), nan).is_err());
     let other = DetailInfo { sizes: vec![(40, 40)], ..stored };

@@ -165,7 +165,14 @@ impl<'a> Room<'a> {
             View::Heights if scale == 0 => 1.0,
             View::Heights => config.noise * error,
         };
-        let residual = Residual { view: config.view, scale: error, slope_of_exemplar: slope };
+        let squares: f64 = twins.iter().map(|twin| mean_square_slope(&twin[scale])).sum();
+        let coarse = (squares / twins.len().max(1) as f64).sqrt() as f32;
+        let residual = Residual {
+            view: config.view,
+            scale: error,
+            slope_of_exemplar: slope,
+            slope_of_twins: if coarse > 0.0 { coarse } else { slope },
+        };
         let rec_noise = (scale == 0).then(|| noise_field(lens, rows, cols, &mut seed.stream(FIXED_NOISE)));
         let map = (rows - 10 - lens.loss(), cols - 10 - lens.loss());
         let generator = Network::new(generator, config.start, 0.1, seed.derive("generator"));
