@@ -5,7 +5,7 @@
 //!     cargo bench --bench detail -- alps.safetensors alps.tif held [steps=400] [paper=1] [size=4] [strength=1] [keep=0] ...
 //!
 //! Trains the detail model on the style's own exemplar window (or reads it again from `<held>/detail.json`, when nothing of
-//! the training is set), adds detail to every patch's coarse terrain, corrects it towards the sketch, and prints the mean
+//! the training is set; `gpnn=1` takes nearest patches instead), adds detail to every patch's coarse terrain, corrects it towards the sketch, and prints the mean
 //! scores of the coarse and the detailed terrain. Detailed terrain is written beside the coarse one as `detail.tif`.
 #![allow(clippy::print_stdout, reason = "an experiment prints")]
 
@@ -18,6 +18,7 @@ use monadnock::interpolation::{Correction, CorrectionKind, NaturalNeighbours};
 use monadnock::metrics::{Scores, Summary, copy_audit, diversity, psnr, sliced_wasserstein};
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
+use monadnock::systems::gpnn::{PatchDetail, PatchDetailConfig};
 use monadnock::systems::region_gnn::Style;
 use monadnock::systems::singan::{Detail, DetailConfig, DetailInfo, DetailUse, train};
 use std::path::{Path, PathBuf};
@@ -34,9 +35,16 @@ fn main() -> Result<()> {
     let e = &style.info.exemplar;
     let window = dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?;
     let heights = Normalization::of(&window).normalize(&window);
+    let rival = settings.iter().any(|s| s == "gpnn=1");
+    let settings: Vec<String> = settings.iter().filter(|s| *s != "gpnn=1").cloned().collect();
     let no_twins = settings.iter().any(|s| s == "twins=0");
     let settings: Vec<String> = settings.iter().filter(|s| *s != "twins=0").cloned().collect();
     let (config, how, given) = parse(&settings);
+    if rival {
+        let config = PatchDetailConfig { size: how.size, ..PatchDetailConfig::default() };
+        let rival = PatchDetail::new(heights.clone(), config)?;
+        return judge(&style, &heights, |map, _| rival.add(map), Path::new(held));
+    }
     let given = given || no_twins;
     let stored = PathBuf::from(held).join("detail.json");
     let detail = if given || !stored.exists() {
@@ -64,7 +72,7 @@ fn main() -> Result<()> {
         "rebuilt {:.2} dB",
         psnr(&detail.reconstruct().map(|z| z.clamp(0.0, 1.0)), &heights, &valid, 1.0)?
     );
-    judge(&style, &heights, &detail, &how, Path::new(held))
+    judge(&style, &heights, |map, seed| detail.add(map, None, &how, seed), Path::new(held))
 }
 
 fn parse(settings: &[String]) -> (DetailConfig, DetailUse, bool) {
@@ -112,13 +120,18 @@ fn learn(heights: &Grid<f32>, twins: &[Grid<f32>], config: &DetailConfig, stored
     Ok(detail)
 }
 
-fn judge(style: &Style, exemplar: &Grid<f32>, detail: &Detail, how: &DetailUse, held: &Path) -> Result<()> {
+fn judge(
+    style: &Style,
+    exemplar: &Grid<f32>,
+    add: impl Fn(&Grid<f32>, Seed) -> Result<Grid<f32>>,
+    held: &Path,
+) -> Result<()> {
     let mut folders: Vec<PathBuf> =
         std::fs::read_dir(held).expect("a folder").map(|f| f.expect("readable").path()).collect();
     folders.retain(|f| f.is_dir());
     folders.sort();
     let (mut before, mut after) = (Vec::new(), Vec::new());
-    let (mut wasserstein, mut copied, mut spread) = ([0.0; 2], 0.0, 0.0);
+    let (mut wasserstein, mut copied, mut spread) = ([0.0; 2], [0.0; 2], 0.0);
     let n = folders.len() as f64;
     for folder in &folders {
         let read = |name: &str| io::read(&folder.join(name), &ReadOptions::default());
@@ -130,17 +143,17 @@ fn judge(style: &Style, exemplar: &Grid<f32>, detail: &Detail, how: &DetailUse, 
         let lines = sketch.rasterize().map_heights(|z| normal.to_unit(f64::from(z)) as f32);
         let (unit, valid) = (normal.normalize(&truth), truth.valid().clone());
         let unit_coarse = normal.normalize(&coarse);
-        let detailed = detail.add(&unit_coarse, None, how, Seed(1))?;
-        let detailed = Correction::new(CorrectionKind::NaturalNeighbour, &lines)?.apply(&detailed)?;
+        let one = add(&unit_coarse, Seed(1))?;
+        let detailed = Correction::new(CorrectionKind::NaturalNeighbour, &lines)?.apply(&one)?;
         for (map, scores) in [(&unit_coarse, &mut before), (&detailed, &mut after)] {
             let found = extract::ridges_and_valleys(map, &valid, &style.info.config.extraction)?;
             scores.push(Scores::of(map, &unit, &valid, &lines)?.with_lines(&lines, &found)?);
         }
         wasserstein[0] += sliced_wasserstein(&unit_coarse, &unit, &valid)? / n;
         wasserstein[1] += sliced_wasserstein(&detailed, &unit, &valid)? / n;
-        copied += copy_audit(&detailed, exemplar)?.copied_share / n;
-        let other = detail.add(&unit_coarse, None, how, Seed(2))?;
-        let one = detail.add(&unit_coarse, None, how, Seed(1))?;
+        copied[0] += copy_audit(&detailed, exemplar)?.copied_share / n;
+        copied[1] += copy_audit(&unit, exemplar)?.copied_share / n;
+        let other = add(&unit_coarse, Seed(2))?;
         spread += diversity(&[one, other])? / n;
         let metres = detailed.map(|&z| normal.to_metres(f64::from(z)) as f32);
         io::write(
@@ -149,7 +162,12 @@ fn judge(style: &Style, exemplar: &Grid<f32>, detail: &Detail, how: &DetailUse, 
             &WriteOptions::default(),
         )?;
     }
-    println!("{} patches; copied share {copied:.4}, diversity {spread:.4}", folders.len());
+    println!(
+        "{} patches; copied share {:.4} (truth {:.4}), diversity {spread:.4}",
+        folders.len(),
+        copied[0],
+        copied[1]
+    );
     let [coarse, fine] = wasserstein;
     println!("{:22} {coarse:9.4} -> {fine:9.4}  ({:.2})", "sliced_wasserstein", fine / coarse);
     let (before, after) = (Summary::of(&before), Summary::of(&after));

@@ -57,6 +57,11 @@ fn deviation(patches: &[Patch]) -> f32 {
     (sum / (patches.len() * AREA) as f64).sqrt() as f32
 }
 
+/// Patches that deviate less than rounding does are level.
+fn level(terrain: &Grid<f32>) -> f32 {
+    1e-6 * terrain.as_slice().iter().fold(0.0, |m: f32, z| m.max(z.abs()))
+}
+
 /// Unit directions, the same in every call.
 fn directions() -> Vec<Patch> {
     let mut stream = Seed(0).stream("directions of the sliced Wasserstein distance");
@@ -97,7 +102,7 @@ pub fn sliced_wasserstein(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -
         let whole = sized(&known).map(|k| (k - 1.0).abs() < 1e-4);
         let (a, b) = (patches(&sized(&output), &whole, 1), patches(&sized(&truth), &whole, 1));
         let spread = f64::from(deviation(&b));
-        if b.is_empty() || spread <= 0.0 {
+        if b.is_empty() || spread <= f64::from(level(&truth)) {
             continue;
         }
         let distances: Vec<f64> = directions
@@ -143,7 +148,7 @@ pub fn copy_audit(output: &Grid<f32>, exemplar: &Grid<f32>) -> Result<CopyAudit>
     let made = patches(output, &everywhere(output), AUDIT_STEP);
     let known = patches(exemplar, &everywhere(exemplar), 1);
     let spread = if known.is_empty() { 0.0 } else { deviation(&known) };
-    if made.is_empty() || spread <= 0.0 {
+    if made.is_empty() || spread <= level(exemplar) {
         return Err(Error::value("patches with relief", 0, "a copy audit needs 7x7 cells of both rasters"));
     }
     let distances: Vec<f32> = made

@@ -3,6 +3,7 @@
 
 pub mod task;
 pub mod classical;
+pub mod gpnn;
 pub mod region_gnn;
 pub mod singan;
 pub mod pipeline;
