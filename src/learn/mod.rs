@@ -1,8 +1,9 @@
-//! What every trained system stands on: an ordered, seeded [`ParamStore`], [`Adam`] with its [`Schedule`], and
-//! vector mathematics. The only room besides the trained systems that names `candle`.
+//! What every trained system stands on: an ordered, seeded [`ParamStore`], [`Adam`] with its [`Schedule`], a
+//! [`convolution`] and vector mathematics. The only room besides the trained systems that names `candle`.
 
 mod adam;
 mod contiguous;
+pub mod convolution;
 mod param_store;
 mod vector_math;
 

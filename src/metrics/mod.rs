@@ -6,6 +6,7 @@
 
 mod error;
 mod lines;
+mod patches;
 mod relief;
 mod scores;
 mod spectrum;
@@ -14,7 +15,8 @@ mod summary;
 
 pub use error::{psnr, rmse};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
-pub use relief::{curvature_distance, mean_slope_ratio, pit_share, slope_distance};
+pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
+pub use relief::{curvature_distance, mean_slope_ratio, mean_square_slope, pit_share, slope_distance};
 pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
 pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};

@@ -43,6 +43,20 @@ pub fn curvature_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -
     Ok(earth_movers_distance(curvatures(output, valid), truth) / scale)
 }
 
+/// Mean of the squared differences to the eastern and southern neighbour together, over the cells that have both.
+#[must_use]
+pub fn mean_square_slope(terrain: &Grid<f32>) -> f64 {
+    let (rows, cols) = terrain.shape();
+    let z = terrain.as_slice();
+    let mut sum = 0.0;
+    for row in 0..rows.saturating_sub(1) {
+        for i in row * cols..(row + 1) * cols - 1 {
+            sum += f64::from(z[i + 1] - z[i]).powi(2) + f64::from(z[i + cols] - z[i]).powi(2);
+        }
+    }
+    sum / ((rows - 1) * (cols - 1)).max(1) as f64
+}
+
 /// Share of the cells with eight valid neighbours that lie strictly lower than all of them: water stays there.
 ///
 /// # Errors

@@ -1,6 +1,9 @@
-//! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators and [`region_gnn`].
+//! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators and [`region_gnn`];
+//! [`singan`] adds detail to what they make, and [`pipeline`] puts both together.
 
 pub mod task;
 pub mod classical;
 pub mod region_gnn;
+pub mod singan;
+pub mod pipeline;
 pub mod registry;

@@ -133,6 +133,9 @@ pub struct StyleInfo {
     pub exemplar: ExemplarInfo,
     /// What the training did.
     pub training: TrainingSummary,
+    /// Description of the detail model, for whom it concerns; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detail: Option<serde_json::Value>,
 }
 
 /// A trained style.
@@ -142,6 +145,8 @@ pub struct Style {
     pub info: StyleInfo,
     /// The model.
     pub model: Arc<RegionGnn>,
+    /// Tensors of the detail model by name, stored as `detail.<name>` and not looked into here.
+    pub detail_tensors: Vec<(String, Vec<f32>)>,
 }
 
 /// The exemplar window of a DEM, ready to be learned.
@@ -232,8 +237,9 @@ pub fn learn_with(source: &Source, config: &StyleConfig, seed: Seed, control: Co
         normalization,
         exemplar: source.info.clone(),
         training,
+        detail: None,
     };
-    Ok(Style { info, model: Arc::new(model) })
+    Ok(Style { info, model: Arc::new(model), detail_tensors: Vec::new() })
 }
 
 fn summary(record: TrainingRecord, rebuilt: &Grid<f32>, exemplar: &Exemplar) -> Result<TrainingSummary> {
@@ -300,6 +306,10 @@ impl Style {
         tensors.push(("parts.valley".into(), Dtype::U8, vec![parts.len()], kinds));
         tensors.push(("parts.cells".into(), Dtype::U32, vec![count, 2], bytes_of(&cells, u32::to_le_bytes)));
         tensors.push(("parts.heights".into(), Dtype::F32, vec![count], bytes_of(&heights, f32::to_le_bytes)));
+        for (name, values) in &self.detail_tensors {
+            let bytes = bytes_of(values, f32::to_le_bytes);
+            tensors.push((format!("detail.{name}"), Dtype::F32, vec![values.len()], bytes));
+        }
         let views = tensors.iter().map(|(name, dtype, shape, bytes)| {
             let view = TensorView::new(*dtype, shape.clone(), bytes).expect("the length fits the shape");
             (name.as_str(), view)
@@ -334,7 +344,12 @@ impl Style {
             let values = floats(path, &tensors, name)?;
             network.params().assign(&name["weights.".len()..], &values).map_err(|e| e.in_file(path))?;
         }
-        Ok(Self { info, model: Arc::new(RegionGnn::new(network, parts)) })
+        let mut detail_tensors = Vec::new();
+        for name in names.iter().filter_map(|name| name.strip_prefix("detail.")) {
+            let values = floats(path, &tensors, &format!("detail.{name}"))?;
+            detail_tensors.push((name.to_owned(), values));
+        }
+        Ok(Self { info, model: Arc::new(RegionGnn::new(network, parts)), detail_tensors })
     }
 }
 

@@ -1,0 +1,96 @@
+//! The convolution as a candle operation.
+
+use super::{Finish, Plane, add_weight_gradient, check_channels, convolve, turned};
+use crate::error::Result;
+use crate::learn::contiguous_f32;
+use candle_core::{CpuStorage, CustomOp2, Layout, Shape, Tensor};
+
+/// The valid 3x3 convolution.
+///
+/// `image`: (rows, cols, channels); `weights`: (9, channels, out channels), taps row by row. Returns
+/// (rows - 2, cols - 2, out channels).
+///
+/// # Errors
+/// When shapes do not fit or [`check_channels`] refuses the channels.
+pub fn convolve3(image: &Tensor, weights: &Tensor) -> Result<Tensor> {
+    Ok(image.contiguous()?.apply_op2(&weights.contiguous()?, Convolution)?)
+}
+
+struct Convolution;
+
+impl CustomOp2 for Convolution {
+    fn name(&self) -> &'static str {
+        "convolution-3x3"
+    }
+
+    fn cpu_fwd(
+        &self,
+        image: &CpuStorage,
+        image_layout: &Layout,
+        weights: &CpuStorage,
+        weights_layout: &Layout,
+    ) -> candle_core::Result<(CpuStorage, Shape)> {
+        let (rows, cols, channels) = image_layout.shape().dims3()?;
+        let (taps, of, out_channels) = weights_layout.shape().dims3()?;
+        if taps != 9 || of != channels || rows < 3 || cols < 3 {
+            let (image, weights) = (image_layout.shape(), weights_layout.shape());
+            candle_core::bail!("a 3x3 convolution of {image:?} with weights {weights:?}");
+        }
+        check_channels(channels, out_channels).map_err(candle_core::Error::wrap)?;
+        let image = Plane::from_values(rows, cols, channels, contiguous_f32(image, image_layout)?.to_vec());
+        let mut out = Plane::zeros(rows - 2, cols - 2, out_channels, 0);
+        convolve(&image, contiguous_f32(weights, weights_layout)?, &mut out, Finish::Store);
+        Ok((CpuStorage::F32(out.into_values()), Shape::from((rows - 2, cols - 2, out_channels))))
+    }
+
+    fn bwd(
+        &self,
+        image: &Tensor,
+        weights: &Tensor,
+        _out: &Tensor,
+        grad: &Tensor,
+    ) -> candle_core::Result<(Option<Tensor>, Option<Tensor>)> {
+        let (rows, cols, channels) = image.dims3()?;
+        let out_channels = weights.dim(2)?;
+        let plane = Plane::from_values(rows, cols, channels, image.flatten_all()?.to_vec1()?);
+        let taps = weights.flatten_all()?.to_vec1::<f32>()?;
+        let grads = grad.contiguous()?.flatten_all()?.to_vec1::<f32>()?;
+        let mut delta = Plane::zeros(rows - 2, cols - 2, out_channels, 2);
+        for (row, values) in grads.chunks_exact((cols - 2) * out_channels).enumerate() {
+            delta.row_mut(row).copy_from_slice(values);
+        }
+        let mut d_weights = vec![0.0; taps.len()];
+        add_weight_gradient(&plane, &delta, &mut d_weights);
+        let d_image = input_gradient(&delta, &taps, channels);
+        Ok((
+            Some(Tensor::from_vec(d_image, (rows, cols, channels), image.device())?),
+            Some(Tensor::from_vec(d_weights, weights.shape(), weights.device())?),
+        ))
+    }
+}
+
+/// The gradient of the image. A few output channels have no kernel of their own way back from a few: zeros fill up.
+fn input_gradient(delta: &Plane, weights: &[f32], channels: usize) -> Vec<f32> {
+    let (rows, cols) = delta.stored();
+    let mut out = Plane::zeros(rows - 2, cols - 2, channels, 0);
+    if check_channels(delta.channels(), channels).is_ok() {
+        convolve(delta, &turned(weights, channels, delta.channels()), &mut out, Finish::Store);
+        return out.into_values();
+    }
+    // Three input channels: the kernel has one or two, so each alone.
+    let out_channels = delta.channels();
+    let mut values = vec![0.0; out.values().len()];
+    for channel in 0..channels {
+        let one: Vec<f32> = weights
+            .chunks_exact(channels * out_channels)
+            .flat_map(|tap| &tap[channel * out_channels..(channel + 1) * out_channels])
+            .copied()
+            .collect();
+        let mut out = Plane::zeros(rows - 2, cols - 2, 1, 0);
+        convolve(delta, &turned(&one, 1, out_channels), &mut out, Finish::Store);
+        for (value, v) in values.iter_mut().skip(channel).step_by(channels).zip(out.values()) {
+            *value = *v;
+        }
+    }
+    values
+}

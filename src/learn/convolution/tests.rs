@@ -1,0 +1,148 @@
+//! Against candle's own convolution, finite differences and another number of threads.
+
+use super::*;
+use crate::learn::ParamStore;
+use crate::seed::Seed;
+use candle_core::{DType, Device, Tensor};
+
+const PAIRS: [(usize, usize); 9] =
+    [(1, 32), (2, 64), (3, 32), (32, 32), (32, 64), (64, 64), (32, 1), (64, 2), (128, 32)];
+
+fn flat(t: &Tensor) -> Vec<f32> {
+    t.to_dtype(DType::F32).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap()
+}
+
+fn assert_close(what: &str, a: &[f32], b: &[f32], tolerance: f32) {
+    assert_eq!(a.len(), b.len());
+    let scale = b.iter().fold(0f32, |m, v| m.max(v.abs()));
+    let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0f32, f32::max);
+    assert!(worst <= tolerance * scale, "{what}: off by {worst} of {scale}");
+}
+
+/// candle's convolution in double precision, from and to our layout.
+fn candle_twin(image: &Tensor, weights: &Tensor) -> Tensor {
+    let (_, channels, out_channels) = weights.dims3().unwrap();
+    let image = image.to_dtype(DType::F64).unwrap().permute((2, 0, 1)).unwrap().unsqueeze(0).unwrap();
+    let weights = weights.to_dtype(DType::F64).unwrap().reshape((3, 3, channels, out_channels)).unwrap();
+    let weights = weights.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
+    let out = image.contiguous().unwrap().conv2d(&weights, 0, 1, 1, 1).unwrap();
+    out.squeeze(0).unwrap().permute((1, 2, 0)).unwrap().contiguous().unwrap()
+}
+
+/// Sides that leave every kind of tile end.
+#[test]
+fn equals_candle_forward_and_backward() {
+    for (channels, out_channels) in PAIRS {
+        for (rows, cols) in [(3, 3), (9, 22), (21, 40)] {
+            let mut params = ParamStore::new(Seed(5));
+            let image = params.normal("image", (rows, cols, channels), 1.0).unwrap();
+            let weights = params.normal("weights", (9, channels, out_channels), 1.0).unwrap();
+            let shape = (rows - 2, cols - 2, out_channels);
+            let toward = ParamStore::new(Seed(6)).normal("toward", shape, 1.0).unwrap();
+            let ours = convolve3(&image, &weights).unwrap();
+            let twin = candle_twin(&image, &weights);
+            let what = format!("{channels} -> {out_channels} at {rows}x{cols}");
+            assert_close(&what, &flat(&ours), &flat(&twin), 1e-6 * (channels as f32).sqrt());
+            let a = (ours * &toward).unwrap().sum_all().unwrap().backward().unwrap();
+            let toward = toward.to_dtype(DType::F64).unwrap();
+            let b = (twin * toward).unwrap().sum_all().unwrap().backward().unwrap();
+            for (name, var) in params.iter() {
+                let (a, b) = (flat(a.get(var).unwrap()), flat(b.get(var).unwrap()));
+                assert_close(&format!("{what}, gradient of {name}"), &a, &b, 1e-5);
+            }
+        }
+    }
+}
+
+/// The sum of squares of the output is quadratic in every input: central differences are exact but for rounding.
+#[test]
+fn gradients_equal_finite_differences() {
+    let mut params = ParamStore::new(Seed(7));
+    params.normal("image", (7, 9, 2), 1.0).unwrap();
+    params.normal("weights", (9, 2, 32), 1.0).unwrap();
+    let tensors: Vec<Tensor> = params.iter().map(|(_, v)| v.as_tensor().clone()).collect();
+    let loss = |image: &Tensor, weights: &Tensor| {
+        convolve3(image, weights).unwrap().sqr().unwrap().sum_all().unwrap()
+    };
+    let gradients = loss(&tensors[0], &tensors[1]).backward().unwrap();
+    for which in 0..2 {
+        let gradient = flat(gradients.get(&tensors[which]).unwrap());
+        for at in [0, 17, gradient.len() - 1] {
+            let shifted = |by: f32| {
+                let mut values = flat(&tensors[which]);
+                values[at] += by;
+                let moved = Tensor::from_vec(values, tensors[which].shape(), &Device::Cpu).unwrap();
+                let both = if which == 0 { (&moved, &tensors[1]) } else { (&tensors[0], &moved) };
+                f64::from(loss(both.0, both.1).to_scalar::<f32>().unwrap())
+            };
+            let difference = (shifted(0.5) - shifted(-0.5)) as f32;
+            assert!((difference - gradient[at]).abs() < 2e-3 * (1.0 + gradient[at].abs()), "{which} {at}");
+        }
+    }
+}
+
+#[test]
+fn finishes_are_the_activation_and_its_derivative() {
+    let values = |n: usize, seed: u64| {
+        let mut params = ParamStore::new(Seed(seed));
+        flat(&params.normal("x", n, 1.0).unwrap())
+    };
+    for (channels, out_channels) in [(32, 32), (32, 1)] {
+        let input = Plane::from_values(8, 17, channels, values(8 * 17 * channels, 1));
+        let weights = values(9 * channels * out_channels, 2);
+        let (bias, by) = (values(out_channels, 3), values(6 * 15 * out_channels, 4));
+        let run = |finish: Finish<'_>| {
+            let mut out = Plane::zeros(6, 15, out_channels, 2);
+            convolve(&input, &weights, &mut out, finish);
+            (0..6).flat_map(|row| out.row(row).to_vec()).collect::<Vec<f32>>()
+        };
+        let plain = run(Finish::Store);
+        let active = run(Finish::Activate { bias: &bias, leak: 0.2 });
+        let damped = run(Finish::Damp { by: &by, leak: 0.2 });
+        for i in 0..plain.len() {
+            let sum = plain[i] + bias[i % out_channels];
+            assert_eq!(active[i], if sum > 0.0 { sum } else { 0.2 * sum });
+            assert_eq!(damped[i], if by[i] > 0.0 { plain[i] } else { 0.2 * plain[i] });
+        }
+    }
+}
+
+#[test]
+fn the_frame_stays_zero() {
+    let input = Plane::from_values(6, 7, 32, vec![1.0; 6 * 7 * 32]);
+    let mut out = Plane::zeros(4, 5, 32, 2);
+    convolve(&input, &[1.0; 9 * 32 * 32], &mut out, Finish::Store);
+    let inside: f32 = (0..4).map(|row| out.row(row).iter().sum::<f32>()).sum();
+    assert_eq!(inside, out.values().iter().sum::<f32>());
+    assert_eq!(inside, 4.0 * 5.0 * 32.0 * 288.0);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let mut params = ParamStore::new(Seed(9));
+    let image = flat(&params.normal("image", (70, 41, 32), 1.0).unwrap());
+    let weights = flat(&params.normal("weights", (9, 32, 32), 1.0).unwrap());
+    let image = Plane::from_values(70, 41, 32, image);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut out = Plane::zeros(68, 39, 32, 0);
+            convolve(&image, &weights, &mut out, Finish::Store);
+            let mut gradient = vec![0.0; weights.len()];
+            add_weight_gradient(&image, &out, &mut gradient);
+            (out, gradient)
+        })
+    };
+    let one = run(1);
+    assert!(one == run(2) && one == run(5));
+}
+
+#[test]
+fn channels_without_a_kernel_are_refused() {
+    for (channels, out_channels) in [(4, 32), (33, 32), (32, 48), (32, 3), (1, 1), (2, 2), (32, 0)] {
+        assert!(check_channels(channels, out_channels).is_err(), "{channels} -> {out_channels}");
+    }
+    let (image, weights) = (Tensor::zeros((5, 5, 4), DType::F32, &Device::Cpu).unwrap(), (9, 4, 32));
+    let weights = Tensor::zeros(weights, DType::F32, &Device::Cpu).unwrap();
+    assert!(convolve3(&image, &weights).unwrap_err().to_string().contains("allowed: 1, 2, 3, 32"));
+}

@@ -1,0 +1,225 @@
+//! One scale of the generator: from the enlarged coarser map and noise to this scale's map, tile by tile.
+
+use super::config::View;
+use super::network::{Network, REACH, Tape};
+use crate::grid::Grid;
+use crate::learn::convolution::Plane;
+use rayon::prelude::*;
+
+/// Cells of a tile's side: what a tile needs stays near 30 MB, whatever the map.
+const TILE: usize = 160;
+
+/// How maps become inputs of the networks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lens {
+    pub(super) view: View,
+    /// Reciprocal root mean square slope of the exemplar at this scale; 1 in the view of heights.
+    pub(super) gain: f32,
+}
+
+impl Lens {
+    /// Channels of the generator's input.
+    pub(super) const fn generator_inputs(self) -> usize {
+        match self.view {
+            View::Heights => 1,
+            View::Slopes => 3,
+        }
+    }
+
+    /// Channels of the critic's input.
+    pub(super) const fn critic_inputs(self) -> usize {
+        match self.view {
+            View::Heights => 1,
+            View::Slopes => 2,
+        }
+    }
+
+    /// Cells that differences take from the southern and eastern edge.
+    pub(super) const fn loss(self) -> usize {
+        match self.view {
+            View::Heights => 0,
+            View::Slopes => 1,
+        }
+    }
+
+    /// Sides of a map, framed for the generator.
+    pub(super) const fn framed(self, rows: usize, cols: usize) -> (usize, usize) {
+        (rows + 2 * REACH + self.loss(), cols + 2 * REACH + self.loss())
+    }
+
+    /// The map in a frame as wide as the generator's reach: zeros, or the edge repeated.
+    pub(super) fn frame(self, map: &Grid<f32>) -> Grid<f32> {
+        let (rows, cols) = map.shape();
+        let (framed_rows, framed_cols) = self.framed(rows, cols);
+        let values = map.as_slice();
+        Grid::from_fn(framed_rows, framed_cols, |c| {
+            let (r, k) = (c.row as isize - REACH as isize, c.col as isize - REACH as isize);
+            let inside = |i: isize, side: usize| i.clamp(0, side as isize - 1);
+            let (near_r, near_k) = (inside(r, rows), inside(k, cols));
+            if self.view == View::Heights && (near_r, near_k) != (r, k) {
+                return 0.0;
+            }
+            values[near_r as usize * cols + near_k as usize]
+        })
+    }
+
+    /// The generator's input for the outputs of `tile.input`'s size whose first one is at (`row`, `col`) of the map; `framed`
+    /// is the map in its frame and `noise` in the same frame.
+    pub(super) fn look(
+        self,
+        framed: &Grid<f32>,
+        noise: &Noise<'_>,
+        row: usize,
+        col: usize,
+        input: &mut Plane,
+    ) {
+        let cols = framed.cols();
+        let z = framed.as_slice();
+        let channels = input.channels();
+        for r in 0..input.rows() {
+            let start = (row + r) * cols + col;
+            for (c, pixel) in input.row_mut(r).chunks_exact_mut(channels).enumerate() {
+                let i = start + c;
+                let drawn = noise.field.map_or(0.0, |f| f.as_slice()[i]) * noise.amplitude;
+                match self.view {
+                    View::Heights => pixel[0] = z[i] + drawn,
+                    View::Slopes => {
+                        pixel[0] = self.gain * (z[i + 1] - z[i]);
+                        pixel[1] = self.gain * (z[i + cols] - z[i]);
+                        pixel[2] = drawn;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The critic's input for a whole map.
+    pub(super) fn judge(self, map: &Grid<f32>, input: &mut Plane) {
+        let cols = map.cols();
+        let z = map.as_slice();
+        for r in 0..input.rows() {
+            for (c, pixel) in input.row_mut(r).chunks_exact_mut(self.critic_inputs()).enumerate() {
+                let i = r * cols + c;
+                match self.view {
+                    View::Heights => pixel[0] = z[i],
+                    View::Slopes => {
+                        pixel[0] = self.gain * (z[i + 1] - z[i]);
+                        pixel[1] = self.gain * (z[i + cols] - z[i]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The gradient of the map, from that of the critic's input.
+    pub(super) fn judge_adjoint(self, d_input: &Plane, rows: usize, cols: usize) -> Vec<f32> {
+        let mut d_map = vec![0.0; rows * cols];
+        for r in 0..d_input.rows() {
+            for (c, d) in d_input.row(r).chunks_exact(self.critic_inputs()).enumerate() {
+                let i = r * cols + c;
+                match self.view {
+                    View::Heights => d_map[i] += d[0],
+                    View::Slopes => {
+                        let (x, y) = (self.gain * d[0], self.gain * d[1]);
+                        d_map[i + 1] += x;
+                        d_map[i + cols] += y;
+                        d_map[i] -= x + y;
+                    }
+                }
+            }
+        }
+        d_map
+    }
+}
+
+/// Noise of one pass.
+#[derive(Clone, Copy)]
+pub(super) struct Noise<'a> {
+    /// Unit normal values in the generator's frame; none is no noise.
+    pub(super) field: Option<&'a Grid<f32>>,
+    pub(super) amplitude: f32,
+}
+
+/// What the network's output is worth: heights a unit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Residual {
+    pub(super) view: View,
+    pub(super) scale: f32,
+    /// Root mean square slope of the exemplar at this scale, heights a cell.
+    pub(super) slope_of_exemplar: f32,
+    /// The same of its coarse twins, whose slopes those of a coarse map are measured against; the exemplar's without any.
+    pub(super) slope_of_twins: f32,
+}
+
+impl Residual {
+    /// The height that an output adds (SinGAN, Eq. 4; tanh as in the published code).
+    pub(super) fn height(self, out: f32) -> f32 {
+        match self.view {
+            View::Heights => out.tanh(),
+            View::Slopes => self.scale * out,
+        }
+    }
+
+    /// Its derivative.
+    pub(super) fn slope(self, out: f32) -> f32 {
+        match self.view {
+            View::Heights => 1.0 - out.tanh() * out.tanh(),
+            View::Slopes => self.scale,
+        }
+    }
+}
+
+/// A trained scale.
+#[derive(Clone, Debug)]
+pub(super) struct Scale {
+    /// Without batch normalisation: folded.
+    pub(super) net: Network,
+    pub(super) lens: Lens,
+    pub(super) residual: Residual,
+    /// Amplitude of the noise.
+    pub(super) noise: f32,
+}
+
+impl Scale {
+    /// This scale's map from the enlarged coarser one. `field`: noise in the generator's frame.
+    pub(super) fn apply(&self, up: &Grid<f32>, field: Option<&Grid<f32>>, amplitude: f32) -> Grid<f32> {
+        self.apply_tiled(up, field, amplitude, TILE)
+    }
+
+    /// The same with another side of the tiles.
+    pub(super) fn apply_tiled(
+        &self,
+        up: &Grid<f32>,
+        field: Option<&Grid<f32>>,
+        amplitude: f32,
+        tile: usize,
+    ) -> Grid<f32> {
+        let (rows, cols) = up.shape();
+        let framed = self.lens.frame(up);
+        let noise = Noise { field, amplitude: amplitude * self.noise };
+        let corners: Vec<(usize, usize)> = (0..rows.div_ceil(tile))
+            .flat_map(|r| (0..cols.div_ceil(tile)).map(move |c| (r * tile, c * tile)))
+            .collect();
+        let tiles: Vec<Plane> = corners
+            .par_iter()
+            .map(|&(row, col)| {
+                let (rows, cols) = (tile.min(rows - row), tile.min(cols - col));
+                let mut tape = Tape::new(self.net.shape, rows, cols);
+                self.lens.look(&framed, &noise, row, col, &mut tape.input);
+                tape.forward(&self.net, None);
+                tape.out
+            })
+            .collect();
+        let mut map = up.clone();
+        let values = map.as_mut_slice();
+        for (&(row, col), tile) in corners.iter().zip(&tiles) {
+            for r in 0..tile.rows() {
+                let start = (row + r) * cols + col;
+                for (z, out) in values[start..start + tile.cols()].iter_mut().zip(tile.row(r)) {
+                    *z += self.residual.height(*out);
+                }
+            }
+        }
+        map
+    }
+}

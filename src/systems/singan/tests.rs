@@ -1,0 +1,178 @@
+//! Training and use of the whole model on small ground.
+
+use super::config::{Decay, View};
+use super::scale::Lens;
+use super::train::{noise_field, turned};
+use super::*;
+use crate::grid::{Cell, Grid, Mask};
+use crate::metrics::psnr;
+use crate::seed::Seed;
+use std::sync::OnceLock;
+
+fn ground(side: usize) -> Grid<f32> {
+    Grid::from_fn(side, side, |c| {
+        let (y, x) = (c.row as f32 * 0.35, c.col as f32 * 0.28);
+        0.5 + 0.2 * (0.5 * y).sin() + 0.15 * (0.4 * x + y).cos() + 0.04 * (2.3 * x).sin() * (2.9 * y).cos()
+    })
+}
+
+fn quick() -> DetailConfig {
+    DetailConfig { coarsest: 16, steps: 12, ..DetailConfig::default() }
+}
+
+/// One model for all tests that only use it.
+fn model() -> &'static Detail {
+    static MODEL: OnceLock<Detail> = OnceLock::new();
+    MODEL.get_or_init(|| train(&ground(40), &[ground(40)], &quick(), Seed(1), |_| {}).unwrap())
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+    for base in [quick(), DetailConfig { coarsest: 16, steps: 2, fine_width: 32, ..DetailConfig::paper() }] {
+        let run = |threads: usize, seed: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let config = DetailConfig { steps: 2, ..base.clone() };
+                let detail = train(&ground(24), &[ground(24)], &config, Seed(seed), |_| {}).unwrap();
+                let map = detail.add(&ground(50), None, &DetailUse::default(), Seed(2)).unwrap();
+                (detail.parts(), map)
+            })
+        };
+        let one = run(1, 1);
+        assert!(one == run(3, 1));
+        assert!(one.0.1 != run(1, 2).0.1);
+    }
+}
+
+#[test]
+fn training_learns_to_rebuild_the_exemplar() {
+    let heights = ground(40);
+    let config = DetailConfig { coarsest: 16, steps: 150, ..DetailConfig::default() };
+    let mut reports = Vec::new();
+    let detail = train(&heights, &[], &config, Seed(1), |r| reports.push(*r)).unwrap();
+    assert_eq!(reports.len(), detail.sizes().len() * 150);
+    let first = reports.iter().find(|r| r.scale == 0).unwrap().reconstruction;
+    assert!(reports[149].reconstruction < 0.5 * first, "{first} {}", reports[149].reconstruction);
+    let rebuilt = detail.reconstruct();
+    let db = psnr(&rebuilt, &heights, &heights.map(|_| true), 1.0).unwrap();
+    assert!(db > 28.0, "{db}");
+}
+
+#[test]
+fn tiled_equals_untiled_to_the_bit() {
+    let scale = model().scales.last().unwrap();
+    let up = ground(61);
+    let field = noise_field(scale.lens, 61, 61, &mut Seed(5).stream("noise"));
+    let whole = scale.apply_tiled(&up, Some(&field), 1.0, 1000);
+    assert_ne!(whole, up);
+    for tile in [7, 16, 61] {
+        assert_eq!(scale.apply_tiled(&up, Some(&field), 1.0, tile), whole);
+    }
+}
+
+#[test]
+fn strength_mask_and_seed_do_what_they_say() {
+    let map = ground(50);
+    let add =
+        |how: &DetailUse, mask: Option<&Mask>, seed: u64| model().add(&map, mask, how, Seed(seed)).unwrap();
+    let how = DetailUse::default();
+    let one = add(&how, None, 1);
+    assert_eq!(one, add(&how, None, 1));
+    assert_ne!(one, add(&how, None, 2));
+    let still = DetailUse { noise: 0.0, ..how.clone() };
+    assert_eq!(add(&still, None, 1), add(&still, None, 2));
+    // Without strength and with all of its own forms the map stays itself.
+    let none = DetailUse { strength: 0.0, keep: 1.0, ..how.clone() };
+    assert_eq!(add(&none, None, 1), map);
+    let twice = add(&DetailUse { strength: 2.0, keep: 1.0, ..how.clone() }, None, 1);
+    let once = add(&DetailUse { keep: 1.0, ..how.clone() }, None, 1);
+    for ((m, a), b) in map.as_slice().iter().zip(once.as_slice()).zip(twice.as_slice()) {
+        assert!((2.0 * (a - m) - (b - m)).abs() < 1e-5);
+    }
+    let mask = Mask::from_fn(50, 50, |c| c.row < 25);
+    let masked = add(&how, Some(&mask), 1);
+    for (cell, z) in masked.cells() {
+        assert_eq!(*z, if mask[cell] { one[cell] } else { map[cell] });
+    }
+}
+
+/// What was learned is blind to elevation, and with the relief matched also to the unit of heights.
+#[test]
+fn detail_does_not_depend_on_elevation_or_unit() {
+    let map = ground(48);
+    let moved = map.map(|z| 0.25 * z + 3.0);
+    let add = |map: &Grid<f32>| model().add(map, None, &DetailUse::default(), Seed(1)).unwrap();
+    let (a, b) = (add(&map), add(&moved));
+    for (a, b) in a.as_slice().iter().zip(b.as_slice()) {
+        assert!((0.25 * a + 3.0 - b).abs() < 1e-4, "{a} {b}");
+    }
+}
+
+#[test]
+fn parts_survive_storage_and_damage_is_named() {
+    let (info, weights) = model().parts();
+    let text = serde_json::to_string(&info).unwrap();
+    let stored: DetailInfo = serde_json::from_str(&text).unwrap();
+    let find = |name: &str| Ok(weights.iter().find(|(n, _)| n == name).unwrap().1.clone());
+    let again = Detail::from_parts(stored.clone(), find).unwrap();
+    let sample = |d: &Detail| d.sample(40, 60, Seed(3)).unwrap();
+    assert_eq!(sample(&again), sample(model()));
+    assert_eq!(sample(&again).shape(), (40, 60));
+    assert!(
+        Detail::from_parts(stored.clone(), |_| Ok(vec![0.0; 3])).unwrap_err().to_string().contains("scale 0")
+    );
+    let nan = |name: &str| find(name).map(|v: Vec<f32>| vec![f32::NAN; v.len()]);
+    assert!(Detail::from_parts(stored.clone(), nan).is_err());
+    let other = DetailInfo { sizes: vec![(40, 40)], ..stored };
+    assert!(Detail::from_parts(other, find).is_err());
+}
+
+#[test]
+fn bad_input_and_divergence_are_named() {
+    let fails = |heights: &Grid<f32>, config: &DetailConfig| {
+        train(heights, &[], config, Seed(1), |_| {}).unwrap_err().to_string()
+    };
+    assert!(fails(&ground(12), &quick()).contains("12x12"));
+    assert!(fails(&Grid::filled(24, 24, 0.5), &quick()).contains("relief"));
+    let wild = DetailConfig { learning_rate: 1.0, decay: Decay::Late, ..quick() };
+    let wild = DetailConfig { steps: 400, momentum: 0.0, penalty: 1e6, ..wild };
+    assert!(fails(&ground(24), &wild).contains("diverged"));
+    let mut hole = ground(40);
+    hole[Cell::new(3, 4)] = f32::NAN;
+    let message = model().add(&hole, None, &DetailUse::default(), Seed(1)).unwrap_err().to_string();
+    assert!(message.contains("row 3, column 4"));
+    assert!(model().sample(8, 80, Seed(1)).is_err());
+    let odd = train(&ground(40), &[ground(24)], &quick(), Seed(1), |_| {}).unwrap_err().to_string();
+    assert!(odd.contains("twin"));
+}
+
+/// <judge x, y> = <x, adjoint y> for both views.
+#[test]
+fn the_critics_view_has_its_adjoint() {
+    for view in [View::Heights, View::Slopes] {
+        let lens = Lens { view, gain: 1.7 };
+        let map = ground(12);
+        let (side, channels) = (12 - lens.loss(), lens.critic_inputs());
+        let mut seen = crate::learn::convolution::Plane::zeros(side, side, channels, 0);
+        lens.judge(&map, &mut seen);
+        let toward: Vec<f32> = (0..seen.values().len()).map(|i| ((i * 37) % 11) as f32 - 5.0).collect();
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+        let forward = dot(seen.values(), &toward);
+        seen.values_mut().copy_from_slice(&toward);
+        let back = dot(map.as_slice(), &lens.judge_adjoint(&seen, 12, 12));
+        assert!((forward - back).abs() < 1e-3 * forward.abs().max(1.0), "{forward} {back}");
+    }
+}
+
+#[test]
+fn the_eight_symmetries_are_different_and_the_first_is_none() {
+    let map = Grid::from_fn(3, 3, |c| (3 * c.row + c.col) as f32);
+    let all: Vec<Grid<f32>> = (0..8).map(|turn| turned(&map, turn)).collect();
+    assert_eq!(all[0], map);
+    for (i, a) in all.iter().enumerate() {
+        assert!(all[i + 1..].iter().all(|b| a != b));
+    }
+    let wide = Grid::from_fn(2, 5, |c| (5 * c.row + c.col) as f32);
+    assert!((0..4).all(|turn| turned(&wide, turn).shape() == (2, 5)));
+    assert_eq!(turned(&wide, 4).shape(), (5, 2));
+}
