@@ -366,7 +366,7 @@ fn the_program_runs_lists_and_reports_experiments() {
         "SSIM",
         "PSNR, dB",
         "patches x 1 seeds",
-        "kept",
+        "Kept",
         "data:image/png",
         "<svg",
         "cores",

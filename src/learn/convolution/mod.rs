@@ -8,6 +8,7 @@
 //! measures both. Rows are shared among threads; sums over pixels are made in a fixed number of pieces, so that the same
 //! bytes come out for any number of threads.
 
+#[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
 mod kernel;
 mod op;
 mod plane;

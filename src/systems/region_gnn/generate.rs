@@ -14,6 +14,7 @@ use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart};
 use crate::systems::task::SketchToTerrain;
 use candle_core::{Device, Tensor, Var};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -147,19 +148,28 @@ impl RegionGnn {
     /// The share of the deviation from the base that the sketch's own lines confirm; see [`super::trust`].
     fn trust(&self, lines: &LineMap, config: &GenerationConfig, seed: Seed) -> Result<f32> {
         let seed = seed.derive("held-out strokes");
+        let kept = without_each_fold(lines, config.folds, seed);
+        let rebuilt = kept
+            .par_iter()
+            .enumerate()
+            .map(|(fold, kept)| {
+                let seed = seed.derive_indexed("fold", fold);
+                let frame = LineFrame::new(&kept.lines, self.config(), false)?;
+                let sketch = Prepared::new(&kept.lines, &frame, self.config(), seed)?;
+                let embedding = self.embedding_for(&sketch, config, seed)?;
+                let heights = self.run(&sketch, embedding.as_ref(), seed)?;
+                let corrected = match &frame.correction {
+                    Some(correction) => correction.correct(&heights),
+                    None => finish(&kept.lines, heights, config.correction)?.into_vec(),
+                };
+                Ok((frame, corrected))
+            })
+            .collect::<Result<Vec<_>>>()?;
         let mut evidence = Evidence::default();
-        for (fold, kept) in without_each_fold(lines, config.folds, seed).iter().enumerate() {
-            let seed = seed.derive_indexed("fold", fold);
-            let frame = LineFrame::new(&kept.lines, self.config(), false)?;
-            let sketch = Prepared::new(&kept.lines, &frame, self.config(), seed)?;
-            let embedding = self.embedding_for(&sketch, config, seed)?;
-            let heights = self.run(&sketch, embedding.as_ref(), seed)?;
-            let corrected = match &frame.correction {
-                Some(correction) => correction.correct(&heights),
-                None => finish(&kept.lines, heights, config.correction)?.into_vec(),
-            };
-            let Some(base) = frame.base() else { continue };
-            evidence.add(lines, kept, base, &corrected);
+        for (kept, (frame, corrected)) in kept.iter().zip(&rebuilt) {
+            if let Some(base) = frame.base() {
+                evidence.add(lines, kept, base, corrected);
+            }
         }
         Ok(evidence.trust())
     }

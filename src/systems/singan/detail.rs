@@ -275,7 +275,7 @@ impl Detail {
             let shape = Shape { inputs: lens.generator_inputs(), width, batch_norm: false };
             let values = weights(&format!("scale.{i}"))?;
             let good = values.len() == shape.value_count() && values.iter().all(|v| v.is_finite());
-            if !good || !(noise.is_finite() && scale.is_finite() && slope > 0.0 && coarse > 0.0) {
+            if !(good && noise.is_finite() && scale.is_finite() && slope > 0.0 && coarse > 0.0) {
                 let allowed = format!("allowed: {} finite values and positive slopes", shape.value_count());
                 return Err(Error::value(format!("detail of scale {i}"), values.len(), allowed));
             }
