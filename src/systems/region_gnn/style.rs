@@ -263,12 +263,16 @@ impl Style {
     /// Terrain in metres for lines in metres. `range`: the elevations that stand for the exemplar's lowest and highest
     /// height; none takes the exemplar's own.
     ///
+    /// The model is trusted as it is, without [`GenerationConfig::folds`]: a drawing asks for the style, and its few smooth
+    /// strokes would confirm none of it. Evaluations, where heights on lines are real, use the folds.
+    ///
     /// # Errors
     /// When there is no line.
     pub fn generate(&self, lines: &LineMap, range: Option<Normalization>, seed: Seed) -> Result<Grid<f32>> {
         let range = range.unwrap_or(self.info.normalization);
         let unit = lines.map_heights(|z| range.to_unit(f64::from(z)) as f32);
-        let terrain = self.model.generate(&unit, &self.info.config.generation, seed)?;
+        let generation = GenerationConfig { folds: 0, ..self.info.config.generation.clone() };
+        let terrain = self.model.generate(&unit, &generation, seed)?;
         Ok(terrain.map(|&z| range.to_metres(f64::from(z)) as f32))
     }
 
