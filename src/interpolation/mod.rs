@@ -1,13 +1,16 @@
-//! Filling the plane between lines: natural neighbours, harmonic and biharmonic surfaces, and the correction that makes
+//! Filling the plane between lines: natural neighbours, Delaunay triangles, harmonic and biharmonic surfaces, and the correction that makes
 //! any terrain pass through its sketch.
 
 mod correction;
+mod delaunay;
+pub mod line_cells;
 mod multigrid;
 mod natural_neighbour;
 mod smooth_surface;
 mod sparse_matrix;
 
 pub use correction::{Correction, CorrectionKind};
+pub use delaunay::delaunay_linear;
 pub use natural_neighbour::{NaturalNeighbours, natural_neighbour_weights};
 pub use smooth_surface::{biharmonic, harmonic};
 pub use sparse_matrix::SparseMatrix;

@@ -3,13 +3,11 @@
 //! A researcher tries these first, and a model that does not beat them is not done. None of them is random (the seed is
 //! not read); each keeps the heights of the lines exactly and needs at least one line cell.
 
-mod delaunay;
 mod distance;
 mod surface;
 
-pub use delaunay::DelaunayLinear;
 pub use distance::{InverseDistance, Nearest};
-pub use surface::{Biharmonic, Laplace, NaturalNeighbour};
+pub use surface::{Biharmonic, DelaunayLinear, Laplace, NaturalNeighbour};
 
 use super::task::SketchToTerrain;
 

@@ -1,9 +1,9 @@
-//! The smooth interpolators: [`interpolation`](crate::interpolation) as systems.
+//! The interpolating surfaces: [`interpolation`](crate::interpolation) as systems.
 
 use super::super::task::SketchToTerrain;
 use crate::error::Result;
 use crate::grid::Grid;
-use crate::interpolation::{NaturalNeighbours, biharmonic, harmonic};
+use crate::interpolation::{NaturalNeighbours, biharmonic, delaunay_linear, harmonic};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 
@@ -14,6 +14,10 @@ pub struct Laplace;
 /// The thin plate through the lines: the biharmonic equation ([`biharmonic`]).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Biharmonic;
+
+/// Planes over the Delaunay triangles of the line cells ([`delaunay_linear`]).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DelaunayLinear;
 
 /// Sibson's natural-neighbour interpolation ([`NaturalNeighbours`]): the strongest of the classical systems.
 #[derive(Clone, Copy, Debug, Default)]
@@ -30,6 +34,12 @@ impl SketchToTerrain for Biharmonic {
     fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
         require_lines(lines)?;
         Ok(biharmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?.map(|&z| z as f32))
+    }
+}
+
+impl SketchToTerrain for DelaunayLinear {
+    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+        delaunay_linear(lines)
     }
 }
 

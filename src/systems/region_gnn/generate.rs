@@ -1,5 +1,6 @@
 //! From lines to terrain with a trained network (Liu & Benes 2025, 5.3 and 5.4).
 
+use super::blend::{Blend, BlendUse};
 use super::config::{HeightFrame, RegionGnnConfig};
 use super::losses::smooth;
 use super::network::Network;
@@ -49,6 +50,8 @@ pub struct GenerationConfig {
     /// Groups into which the strokes of a sketch are dealt; each in turn is kept from an anchored model, to see how
     /// much of its deviation from the base these strokes confirm (`trust`). 0 trusts the model as it is.
     pub folds: usize,
+    /// When the model's deviation is weighted by place and blended with other surfaces (`blend`); anchored models only.
+    pub blend: BlendUse,
     /// The last step that makes sketch heights exact; none leaves the network's own heights on the lines.
     pub correction: Option<CorrectionKind>,
 }
@@ -59,6 +62,7 @@ impl Default for GenerationConfig {
             matching: MatchConfig::default(),
             fine_tuning: None,
             folds: 4,
+            blend: BlendUse::Always,
             correction: Some(CorrectionKind::NaturalNeighbour),
         }
     }
@@ -137,11 +141,18 @@ impl RegionGnn {
             }
             (_, correction) => finish(lines, sum, correction)?,
         };
-        let (Some(base), 1..) = (frame.base(), config.folds) else { return Ok(corrected) };
+        let Some(base) = frame.base() else { return Ok(corrected) };
+        let blended = match Blend::new(config.blend, lines, base)? {
+            Some(blend) => Grid::from_vec(rows, cols, blend.apply(base, corrected.as_slice()))?,
+            None => corrected,
+        };
+        if config.folds == 0 {
+            return Ok(blended);
+        }
         let trust = self.trust(lines, config, seed)?;
         Ok(Grid::from_fn(rows, cols, |c| {
             let base = base[c.row * cols + c.col];
-            base + trust * (corrected[c] - base)
+            base + trust * (blended[c] - base)
         }))
     }
 
@@ -162,7 +173,13 @@ impl RegionGnn {
                     Some(correction) => correction.correct(&heights),
                     None => finish(&kept.lines, heights, config.correction)?.into_vec(),
                 };
-                Ok((frame, corrected))
+                let blended = match frame.base() {
+                    Some(base) => {
+                        Blend::new(config.blend, &kept.lines, base)?.map(|b| b.apply(base, &corrected))
+                    }
+                    None => None,
+                };
+                Ok((frame, blended.unwrap_or(corrected)))
             })
             .collect::<Result<Vec<_>>>()?;
         let mut evidence = Evidence::default();

@@ -3,6 +3,7 @@
 //! [`Exemplar`] -> [`train`] -> [`RegionGnn`] -> terrain for any lines. What departs from the paper, and why, is in
 //! `docs/papers/region_gnn.md`.
 
+pub mod blend;
 mod checkpoint;
 pub mod config;
 mod correction_op;
@@ -22,6 +23,7 @@ pub mod style;
 mod train;
 mod trust;
 
+pub use blend::BlendUse;
 pub use checkpoint::Checkpoints;
 pub use config::{Preset, RegionGnnConfig};
 pub use edges::PassEdges;

@@ -3,6 +3,7 @@
 //! [`Dem`] and a window -> [`learn`] -> [`Style`] -> one `.safetensors` file that holds all that generation needs. The file's
 //! tensors are the weights and the exemplar's parts; everything else is JSON under the one metadata key [`KEY`].
 
+use super::blend::BlendUse;
 use super::config::{Preset, RegionGnnConfig};
 use super::generate::{GenerationConfig, RegionGnn, needs_correction};
 use super::network::Network;
@@ -264,14 +265,22 @@ impl Style {
     /// height; none takes the exemplar's own.
     ///
     /// The model is trusted as it is, without [`GenerationConfig::folds`]: a drawing asks for the style, and its few smooth
-    /// strokes would confirm none of it. Evaluations, where heights on lines are real, use the folds.
+    /// strokes would confirm none of it. For the same reason only dense sketches are blended ([`BlendUse::Dense`]).
+    /// Evaluations, where heights on lines are real, use the folds and always blend.
     ///
     /// # Errors
     /// When there is no line.
     pub fn generate(&self, lines: &LineMap, range: Option<Normalization>, seed: Seed) -> Result<Grid<f32>> {
         let range = range.unwrap_or(self.info.normalization);
         let unit = lines.map_heights(|z| range.to_unit(f64::from(z)) as f32);
-        let generation = GenerationConfig { folds: 0, ..self.info.config.generation.clone() };
+        let generation = GenerationConfig {
+            folds: 0,
+            blend: match self.info.config.generation.blend {
+                BlendUse::Always => BlendUse::Dense,
+                other => other,
+            },
+            ..self.info.config.generation.clone()
+        };
         let terrain = self.model.generate(&unit, &generation, seed)?;
         Ok(terrain.map(|&z| range.to_metres(f64::from(z)) as f32))
     }

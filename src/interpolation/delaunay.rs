@@ -6,46 +6,43 @@
 //!
 //! Cost: n log n for n line cells; then every triangle fills its own cells, with whole-number inside tests.
 
-use super::super::task::SketchToTerrain;
-use super::distance::LineCells;
+use super::line_cells::LineCells;
 use crate::error::Result;
 use crate::grid::{Cell, Grid};
-use crate::seed::Seed;
 use crate::sketch::LineMap;
 use rayon::prelude::*;
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
-/// Piecewise linear on Delaunay triangles; nearest line cell outside their hull.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct DelaunayLinear;
-
-impl SketchToTerrain for DelaunayLinear {
-    /// # Panics
-    /// Never: the coordinates are small whole numbers, which a triangulation always accepts.
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
-        let line_cells = LineCells::of(lines)?;
-        let points = line_cells.cells.iter().map(|c| Point2::new(c.col as f64, c.row as f64)).collect();
-        let triangles = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(points)
-            .expect("whole numbers below 2^32 are valid coordinates");
-        let mut terrain: Grid<Option<f32>> = Grid::filled(lines.shape().0, lines.shape().1, None);
-        for face in triangles.inner_faces() {
-            let corners = face.vertices().map(|vertex| vertex.index());
-            let cells = corners.map(|i| line_cells.cells[i]);
-            let heights = corners.map(|i| f64::from(line_cells.heights[i]));
-            fill_triangle(cells, |cell, [a, b, c], area| {
-                let z = (a as f64 * heights[0] + b as f64 * heights[1] + c as f64 * heights[2]) / area as f64;
-                terrain[cell] = Some(z as f32);
-            });
-        }
-        for (&cell, &height) in line_cells.cells.iter().zip(&line_cells.heights) {
-            terrain[cell] = Some(height);
-        }
-        let cols = terrain.cols();
-        let filled = terrain.as_slice().par_iter().enumerate();
-        let filled = filled
-            .map(|(i, z)| z.unwrap_or_else(|| line_cells.nearest(Cell { row: i / cols, col: i % cols })));
-        Grid::from_vec(lines.shape().0, cols, filled.collect())
+/// Piecewise linear on Delaunay triangles, the nearest line cell outside their hull. (rows, cols), in the unit of the heights.
+///
+/// # Errors
+/// When there is no line cell.
+///
+/// # Panics
+/// Never: the coordinates are small whole numbers, which a triangulation always accepts.
+pub fn delaunay_linear(lines: &LineMap) -> Result<Grid<f32>> {
+    let line_cells = LineCells::of(lines)?;
+    let points = line_cells.cells.iter().map(|c| Point2::new(c.col as f64, c.row as f64)).collect();
+    let triangles = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(points)
+        .expect("whole numbers below 2^32 are valid coordinates");
+    let mut terrain: Grid<Option<f32>> = Grid::filled(lines.shape().0, lines.shape().1, None);
+    for face in triangles.inner_faces() {
+        let corners = face.vertices().map(|vertex| vertex.index());
+        let cells = corners.map(|i| line_cells.cells[i]);
+        let heights = corners.map(|i| f64::from(line_cells.heights[i]));
+        fill_triangle(cells, |cell, [a, b, c], area| {
+            let z = (a as f64 * heights[0] + b as f64 * heights[1] + c as f64 * heights[2]) / area as f64;
+            terrain[cell] = Some(z as f32);
+        });
     }
+    for (&cell, &height) in line_cells.cells.iter().zip(&line_cells.heights) {
+        terrain[cell] = Some(height);
+    }
+    let cols = terrain.cols();
+    let filled = terrain.as_slice().par_iter().enumerate();
+    let filled =
+        filled.map(|(i, z)| z.unwrap_or_else(|| line_cells.nearest(Cell { row: i / cols, col: i % cols })));
+    Grid::from_vec(lines.shape().0, cols, filled.collect())
 }
 
 /// Calls `f` with every cell of a triangle, border included, its three barycentric coordinates and their sum, all in units
@@ -86,7 +83,7 @@ mod tests {
         for cell in corners.into_iter().chain(scattered) {
             lines.set(cell, StrokeKind::Ridge, plane(cell));
         }
-        let got = DelaunayLinear.generate(&lines, Seed(1)).unwrap();
+        let got = delaunay_linear(&lines).unwrap();
         for (cell, &z) in got.cells() {
             if (5..=34).contains(&cell.row) && (5..=34).contains(&cell.col) {
                 assert!((z - plane(cell)).abs() < 1e-5, "{cell:?}");
