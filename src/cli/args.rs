@@ -1,5 +1,6 @@
 //! Arguments that several verbs share, and how their values are written.
 
+use super::console::Console;
 use crate::dem::io::{self, Description, Format, Nodata, ReadOptions};
 use crate::dem::{CellSize, Dem, Normalization, bundled};
 use crate::error::{Error, Result};
@@ -17,15 +18,34 @@ pub(super) struct DemInput {
     pub(super) dem: PathBuf,
     #[command(flatten)]
     pub(super) reading: DemReading,
+    /// Work on cells that are not square as if they were, rather than on terrain resampled to square ones
+    #[arg(long, help_heading = READING)]
+    keep_cells: bool,
 }
 
 impl DemInput {
-    /// The terrain.
+    /// The terrain, on square cells unless they are to be kept; says so on the console.
     ///
     /// # Errors
     /// As [`DemReading::read`].
-    pub(super) fn load(&self) -> Result<Dem> {
-        self.reading.read(&self.dem).map(|(dem, _)| dem)
+    pub(super) fn load(&self, console: &Console) -> Result<Dem> {
+        let (dem, _) = self.reading.read(&self.dem)?;
+        let (name, size) = (self.dem.display(), dem.cell_size());
+        let sides = format!("cells are {:.2} m west-east and {:.2} m north-south", size.x(), size.y());
+        if self.keep_cells {
+            if !size.is_square() {
+                console.warning(format!("{name}: {sides}, worked on as if they were square"));
+            }
+            return Ok(dem);
+        }
+        let Some(square) = dem.on_square_cells().map_err(|e| e.in_file(&self.dem))? else { return Ok(dem) };
+        let (rows, cols) = square.shape();
+        console.line(format!(
+            "{name}: {sides}: resampled to {rows}x{cols} square cells of {:.2} m, in which windows, patches and sketches \
+             are counted (--keep-cells leaves them)",
+            square.cell_size().mean()
+        ));
+        Ok(square)
     }
 }
 

@@ -75,7 +75,7 @@ impl From<PaletteName> for Palette {
 
 pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     args::check_output(&args.output)?;
-    let whole = args.input.load()?;
+    let whole = args.input.load(&context.console)?;
     let window = args.crop.window_of(&whole);
     let ground = Ground { window, whole: whole.shape(), georeference: whole.georeference().copied() };
     let dem = args.crop.apply(whole)?;

@@ -79,7 +79,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         PresetName::Paper => Preset::Paper,
     };
     let config = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
-    let dem = args.dem.load()?;
+    let dem = args.dem.load(&context.console)?;
     check_output(&args.output)?;
     let (origin, rows, cols) = match args.crop.window {
         Some(window) => (window.origin, window.rows, window.cols),
