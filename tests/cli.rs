@@ -694,6 +694,24 @@ fn info_of_a_style_is_a_summary_and_its_json_is_everything() {
     assert!(text.contains(&format!("{last:.2e}")), "{last:.2e} is missing in: {text}");
 }
 
+#[test]
+fn what_is_read_is_never_written_over() {
+    let folder = temporary();
+    let at = folder.path();
+    write_hill(&at.join("hill.asc"), 48);
+    let before = std::fs::read(at.join("hill.asc")).unwrap();
+    for verb in ["extract", "train", "render"] {
+        fails(at, &[verb, "hill.asc", "-o", "./hill.asc"], 1, &["./hill.asc", "the same file as hill.asc"]);
+    }
+    assert_eq!(std::fs::read(at.join("hill.asc")).unwrap(), before);
+    let style = ["train", "hill.asc", "-o", "s.safetensors", "--epochs", "1", "--set", "model.extractions=1"];
+    done(at, &style);
+    for name in ["s.safetensors", "t.xyz", "t.tif.gz"] {
+        let words = if name == "s.safetensors" { "the same file as" } else { "file extension" };
+        fails(at, &["generate", "s.safetensors", "--sketch", "lambda-ring", "-o", name], 1, &[name, words]);
+    }
+}
+
 /// Hills on cells of `dx` by `dy` metres, the same ground whatever the cells.
 fn write_ground(path: &Path, dx: f64, dy: f64) {
     let (rows, cols) = ((2400.0 / dy) as usize, (2400.0 / dx) as usize);

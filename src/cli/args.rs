@@ -284,6 +284,24 @@ pub(super) fn check_output(path: &Path) -> Result<()> {
     }
 }
 
+/// Refuses an output that would take the place of a file which is read.
+///
+/// # Errors
+/// When `output` is one of the `inputs`, by whatever name.
+pub(super) fn keep_inputs(output: &Path, inputs: &[&Path]) -> Result<()> {
+    let same = |input: &&&Path| {
+        let real = |path: &Path| std::fs::canonicalize(path).ok();
+        real(output).is_some_and(|output| real(input) == Some(output))
+    };
+    match inputs.iter().find(same) {
+        Some(input) => {
+            let allowed = "allowed: another file than those that are read";
+            Err(Error::file(output, "output", format!("the same file as {}", input.display()), allowed))
+        }
+        None => Ok(()),
+    }
+}
+
 /// The largest configuration file that is read, bytes.
 const LARGEST_CONFIG: u64 = 1 << 20;
 
@@ -350,5 +368,12 @@ mod tests {
         assert!(check_output(folder.path()).unwrap_err().to_string().contains("a folder"));
         let missing = check_output(&folder.path().join("no/a.png")).unwrap_err().to_string();
         assert!(missing.contains("a.png") && missing.contains("not there"), "{missing}");
+
+        let (dem, other) = (folder.path().join("dem.tif"), folder.path().join("other.tif"));
+        std::fs::write(&dem, b"heights").unwrap();
+        keep_inputs(&other, &[&dem]).unwrap();
+        let by_another_name = folder.path().join(".").join("dem.tif");
+        let message = keep_inputs(&by_another_name, &[&other, &dem]).unwrap_err().to_string();
+        assert!(message.contains("the same file as") && message.contains("dem.tif"), "{message}");
     }
 }

@@ -57,6 +57,7 @@ pub(super) struct ExtractArgs {
 
 pub(super) fn run(args: &ExtractArgs, context: &Context) -> Result<()> {
     args::check_output(&args.output)?;
+    args::keep_inputs(&args.output, &[&args.input.dem])?;
     let config = args.config()?;
     let dem = args.input.load(&context.console)?;
     let (dem, lines) = args.lines_of(dem, &config)?;

@@ -37,4 +37,4 @@ pub use format::Format;
 pub use options::{Nodata, ReadOptions, SampleType, WriteOptions};
 pub use reading::{MAX_FILE_BYTES, read, read_bytes, read_described};
 pub use samples::MAX_CELLS;
-pub use writing::write;
+pub use writing::{check_name, write};
