@@ -41,12 +41,12 @@ pub enum Error {
         /// What is allowed, as a phrase.
         allowed: String,
     },
-    /// Training left the finite numbers.
+    /// Training left the finite numbers, or every height that terrain could have.
     #[error("training diverged at epoch {epoch}: {what} is {value}; try a lower learning rate")]
     Diverged {
         /// The epoch, counted from 0.
         epoch: usize,
-        /// The quantity that is no longer finite.
+        /// The quantity that is no longer in order.
         what: &'static str,
         /// Its value.
         value: f64,

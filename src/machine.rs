@@ -24,8 +24,18 @@ pub fn cores() -> Option<usize> {
 /// Memory of the machine in bytes; `None` where the system does not tell (only Linux does, in `/proc`).
 #[must_use]
 pub fn total_memory() -> Option<u64> {
+    memory("MemTotal:")
+}
+
+/// Memory that a process can still get without others being swapped out, in bytes; `None` where the system does not tell.
+#[must_use]
+pub fn available_memory() -> Option<u64> {
+    memory("MemAvailable:")
+}
+
+fn memory(name: &str) -> Option<u64> {
     let info = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = info.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    let line = info.lines().find_map(|line| line.strip_prefix(name))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kilobytes * 1024)
 }

@@ -449,7 +449,7 @@ fn a_style_is_trained_used_and_scored() {
     let eval = ["eval", "s.safetensors", "sierra", "--systems", "gnn,laplace"];
     let files = ["--patches", "0,0;128,0;256,256", "--csv", "s.csv", "--json", "s.json", "--save", "rebuilt"];
     let answer = done(at, &[&eval[..], &files[..]].concat());
-    assert!(answer.out.contains("1 patches overlap the exemplar"), "{}", answer.out);
+    assert!(answer.out.contains("1 patch overlaps the exemplar"), "{}", answer.out);
     let rows = std::fs::read_to_string(at.join("s.csv")).unwrap();
     assert_eq!(rows.lines().count(), 1 + 2 * 2, "{rows}");
     let json: Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
@@ -692,4 +692,91 @@ fn info_of_a_style_is_a_summary_and_its_json_is_everything() {
     // The last losses are those of the last epoch.
     let last = history[2]["losses"]["ground_truth"].as_f64().unwrap();
     assert!(text.contains(&format!("{last:.2e}")), "{last:.2e} is missing in: {text}");
+}
+
+#[test]
+fn what_is_read_is_never_written_over() {
+    let folder = temporary();
+    let at = folder.path();
+    write_hill(&at.join("hill.asc"), 48);
+    let before = std::fs::read(at.join("hill.asc")).unwrap();
+    for verb in ["extract", "train", "render"] {
+        fails(at, &[verb, "hill.asc", "-o", "./hill.asc"], 1, &["./hill.asc", "the same file as hill.asc"]);
+    }
+    assert_eq!(std::fs::read(at.join("hill.asc")).unwrap(), before);
+    let style = ["train", "hill.asc", "-o", "s.safetensors", "--epochs", "1", "--set", "model.extractions=1"];
+    done(at, &style);
+    for name in ["s.safetensors", "t.xyz", "t.tif.gz"] {
+        let words = if name == "s.safetensors" { "the same file as" } else { "file extension" };
+        fails(at, &["generate", "s.safetensors", "--sketch", "lambda-ring", "-o", name], 1, &[name, words]);
+    }
+}
+
+/// Hills on cells of `dx` by `dy` metres, the same ground whatever the cells.
+fn write_ground(path: &Path, dx: f64, dy: f64) {
+    let (rows, cols) = ((2400.0 / dy) as usize, (2400.0 / dx) as usize);
+    let mut text = format!("ncols {cols}\nnrows {rows}\nxllcorner 0\nyllcorner 0\ndx {dx}\ndy {dy}\n");
+    for row in 0..rows {
+        for col in 0..cols {
+            let (x, y) = ((col as f64 + 0.5) * dx / 260.0, (row as f64 + 0.5) * dy / 310.0);
+            text += &format!("{:.2} ", 500.0 + 80.0 * x.sin() * y.cos() + 40.0 * (x * 0.7 - y).sin());
+        }
+        text.push('\n');
+    }
+    std::fs::write(path, text).unwrap();
+}
+
+#[test]
+fn terrain_on_cells_that_are_not_square_is_resampled_and_said_so() {
+    let folder = temporary();
+    let at = folder.path();
+    write_ground(&at.join("wide.asc"), 50.0, 25.0);
+    write_ground(&at.join("square.asc"), 25.0, 25.0);
+    let said = done(at, &["extract", "wide.asc", "-o", "wide.geojson"]).out;
+    assert!(said.contains("50.00 m west-east and 25.00 m north-south"), "{said}");
+    assert!(said.contains("68x68 square cells of 35.29 m"), "{said}");
+    let kept = done(at, &["extract", "wide.asc", "-o", "kept.geojson", "--keep-cells"]);
+    assert!(kept.err.contains("as if they were square") && !kept.out.contains("resampled"), "{}", kept.err);
+    let square = done(at, &["extract", "square.asc", "-o", "square.geojson"]);
+    assert!(!(square.out + &square.err).contains("square cells"), "nothing to say");
+
+    // The lines lie where those of the same ground on square cells lie, within two cells.
+    let vertices = |name: &str| -> Vec<(f64, f64)> {
+        let json: Value = serde_json::from_slice(&std::fs::read(at.join(name)).unwrap()).unwrap();
+        let points = json["features"].as_array().unwrap().iter();
+        let points = points.flat_map(|f| f["geometry"]["coordinates"].as_array().unwrap());
+        points.map(|v| (v[0].as_f64().unwrap(), v[1].as_f64().unwrap())).collect()
+    };
+    let (wide, truth) = (vertices("wide.geojson"), vertices("square.geojson"));
+    let near = |p: &&(f64, f64)| truth.iter().any(|t| (t.0 - p.0).hypot(t.1 - p.1) < 72.0);
+    let share = wide.iter().filter(near).count() as f64 / wide.len() as f64;
+    assert!(wide.len() > 20 && share > 0.9, "{share} of {}", wide.len());
+
+    let train = ["train", "wide.asc", "-o", "s.safetensors", "--epochs", "2", "--set", "model.extractions=1"];
+    assert!(done(at, &train).out.contains("resampled"));
+    let style: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
+    assert_eq!((&style["exemplar"]["rows"], &style["exemplar"]["cols"]), (&68.into(), &68.into()));
+    assert!(done(at, &["info", "wide.asc"]).out.contains("cells are not square"));
+}
+
+#[test]
+fn a_training_that_diverges_fails_and_keeps_its_last_good_state() {
+    let folder = temporary();
+    let at = folder.path();
+    let common = ["train", "sierra", "-o", "s.safetensors", "--crop", "192,192,64", "--preset", "paper"];
+    let settings = ["--set", "model.normalize=false", "--epochs", "200", "--checkpoint-every", "0s"];
+    let train = |more: &[&'static str]| run(at, &[&common[..], &settings[..], more].concat());
+    let wild = train(&["--set", "model.learning_rate=1"]);
+    assert_eq!(wild.code, 1, "{}{}", wild.out, wild.err);
+    for words in
+        ["error: training diverged at epoch", "lower learning rate", "s.safetensors.checkpoint", "--resume"]
+    {
+        assert!(wild.err.contains(words), "{words:?} is missing in: {}", wild.err);
+    }
+    assert!(!at.join("s.safetensors").exists() && at.join("s.safetensors.checkpoint").exists());
+
+    // What was kept is good: the training goes on from there.
+    let tame = train(&["--set", "model.learning_rate=1e-3", "--resume"]);
+    assert_eq!(tame.code, 0, "{}{}", tame.out, tame.err);
+    assert!(at.join("s.safetensors").exists() && !at.join("s.safetensors.checkpoint").exists());
 }

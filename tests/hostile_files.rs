@@ -14,6 +14,7 @@ use ::png::{BitDepth, ColorType};
 use crafted::{Tiff, npy, npy_f32, png};
 use monadnock::dem::io::{Nodata, ReadOptions, read};
 use monadnock::dem::{CellSize, Normalization};
+use std::io::Write;
 
 fn attempt(name: &str, bytes: &[u8], options: &ReadOptions) -> monadnock::Result<monadnock::dem::Dem> {
     let dir = tempfile::tempdir().unwrap();
@@ -355,6 +356,20 @@ fn ascii_grids_that_do_not_add_up() {
     refused("a.asc", b"ncols 1e30\nnrows 2\n", &["ncols", "1e30"]);
     refused("a.asc", b"ncols", &["ncols", "missing"]);
     refused("a.asc", b"NCOLS 2 NROWS 2 XLLCORNER nan YLLCORNER 0 CELLSIZE 3 1 2 3 4", &["xllcorner", "NaN"]);
+    refused("a.asc", &grid("1,5 2 3 4"), &["decimal point"]);
+    // An editor's byte order mark, with and without an extension that tells the format.
+    let marked = [b"\xef\xbb\xbf", &grid("1 2 3 4")[..]].concat();
+    for name in ["a.asc", "a.txt"] {
+        assert_eq!(attempt(name, &marked, &ReadOptions::default()).unwrap().range(), (1.0, 4.0));
+    }
+    // The lowest float, rounded in the header as it is written by hand.
+    let dem = attempt("a.asc", &grid("nodata_value -3.4e38\n-3.4028235e+38 2 3 4"), &ReadOptions::default());
+    assert_eq!((dem.as_ref().unwrap().void_count(), dem.unwrap().range()), (1, (2.0, 4.0)));
+    refused(
+        "a.asc",
+        &grid("nodata_value -3.4e38\n3.4028235e+38 2 3 4"),
+        &["row 0, column 0", "3.4028235e38"],
+    );
     // Sound, though odd: upper case, centres, dx and dy, nan, Windows line ends.
     let odd = "NROWS 2\r\nNCOLS 2\r\nXLLCENTER 10\r\nYLLCENTER 20\r\nDX 2\r\nDY 4\r\nnan 2\r\n-3e1 4\r\n";
     let dem = attempt("a.txt", odd.as_bytes(), &ReadOptions::default()).unwrap();
@@ -374,6 +389,33 @@ fn hgt_tiles_of_the_wrong_size_or_name() {
     let dem = attempt("terrain.hgt", &tile, &options).unwrap();
     assert_eq!((dem.range(), dem.georeference()), ((256.0, 256.0), None));
     refused("N99W118.hgt", &tile, &["file name"]);
+}
+
+fn gzip(content: &[u8]) -> Vec<u8> {
+    let mut packing = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    packing.write_all(content).unwrap();
+    packing.finish().unwrap()
+}
+
+#[test]
+fn files_packed_with_gzip() {
+    let plain = |name: &str, bytes: &[u8]| attempt(name, bytes, &ReadOptions::default()).unwrap();
+    let tile: Vec<u8> = (0..1201u32 * 1201).flat_map(|i| ((i % 3000) as i16).to_be_bytes()).collect();
+    assert_eq!(plain("N36W118.hgt.gz", &gzip(&tile)), plain("N36W118.hgt", &tile));
+    let tiff = sound().bytes();
+    assert_eq!(plain("a.tif.GZ", &gzip(&tiff)), plain("a.tif", &tiff));
+    // Several members are one content.
+    let halves = [gzip(&tiff[..50]), gzip(&tiff[50..])].concat();
+    assert_eq!(plain("a.tif.gz", &halves), plain("a.tif", &tiff));
+
+    let packed = gzip(&tile);
+    refused("N36W118.hgt.gz", &packed[..packed.len() / 2], &["gzip stream", "truncated"]);
+    refused("N36W118.hgt.gz", &tile, &["gzip stream"]);
+    refused("a.tif.gz", &[], &["a.tif.gz"]);
+    refused("a.xyz.gz", &gzip(b"hello"), &["format", "hello"]);
+    // An .hgt may begin like gzip: its heights are no packing.
+    let high = [0x1f, 0x8b].repeat(1201 * 1201);
+    assert_eq!(plain("N36W118.hgt", &high).range(), (8075.0, 8075.0));
 }
 
 /// Runs the tests above again in a process that is not allowed more than 600 MB of address space: an allocation of

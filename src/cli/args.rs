@@ -1,5 +1,6 @@
 //! Arguments that several verbs share, and how their values are written.
 
+use super::console::Console;
 use crate::dem::io::{self, Description, Format, Nodata, ReadOptions};
 use crate::dem::{CellSize, Dem, Normalization, bundled};
 use crate::error::{Error, Result};
@@ -17,15 +18,34 @@ pub(super) struct DemInput {
     pub(super) dem: PathBuf,
     #[command(flatten)]
     pub(super) reading: DemReading,
+    /// Work on cells that are not square as if they were, rather than on terrain resampled to square ones
+    #[arg(long, help_heading = READING)]
+    keep_cells: bool,
 }
 
 impl DemInput {
-    /// The terrain.
+    /// The terrain, on square cells unless they are to be kept; says so on the console.
     ///
     /// # Errors
     /// As [`DemReading::read`].
-    pub(super) fn load(&self) -> Result<Dem> {
-        self.reading.read(&self.dem).map(|(dem, _)| dem)
+    pub(super) fn load(&self, console: &Console) -> Result<Dem> {
+        let (dem, _) = self.reading.read(&self.dem)?;
+        let (name, size) = (self.dem.display(), dem.cell_size());
+        let sides = format!("cells are {:.2} m west-east and {:.2} m north-south", size.x(), size.y());
+        if self.keep_cells {
+            if !size.is_square() {
+                console.warning(format!("{name}: {sides}, worked on as if they were square"));
+            }
+            return Ok(dem);
+        }
+        let Some(square) = dem.on_square_cells().map_err(|e| e.in_file(&self.dem))? else { return Ok(dem) };
+        let (rows, cols) = square.shape();
+        console.line(format!(
+            "{name}: {sides}: resampled to {rows}x{cols} square cells of {:.2} m, in which windows, patches and sketches \
+             are counted (--keep-cells leaves them)",
+            square.cell_size().mean()
+        ));
+        Ok(square)
     }
 }
 
@@ -264,6 +284,24 @@ pub(super) fn check_output(path: &Path) -> Result<()> {
     }
 }
 
+/// Refuses an output that would take the place of a file which is read.
+///
+/// # Errors
+/// When `output` is one of the `inputs`, by whatever name.
+pub(super) fn keep_inputs(output: &Path, inputs: &[&Path]) -> Result<()> {
+    let same = |input: &&&Path| {
+        let real = |path: &Path| std::fs::canonicalize(path).ok();
+        real(output).is_some_and(|output| real(input) == Some(output))
+    };
+    match inputs.iter().find(same) {
+        Some(input) => {
+            let allowed = "allowed: another file than those that are read";
+            Err(Error::file(output, "output", format!("the same file as {}", input.display()), allowed))
+        }
+        None => Ok(()),
+    }
+}
+
 /// The largest configuration file that is read, bytes.
 const LARGEST_CONFIG: u64 = 1 << 20;
 
@@ -330,5 +368,12 @@ mod tests {
         assert!(check_output(folder.path()).unwrap_err().to_string().contains("a folder"));
         let missing = check_output(&folder.path().join("no/a.png")).unwrap_err().to_string();
         assert!(missing.contains("a.png") && missing.contains("not there"), "{missing}");
+
+        let (dem, other) = (folder.path().join("dem.tif"), folder.path().join("other.tif"));
+        std::fs::write(&dem, b"heights").unwrap();
+        keep_inputs(&other, &[&dem]).unwrap();
+        let by_another_name = folder.path().join(".").join("dem.tif");
+        let message = keep_inputs(&by_another_name, &[&other, &dem]).unwrap_err().to_string();
+        assert!(message.contains("the same file as") && message.contains("dem.tif"), "{message}");
     }
 }

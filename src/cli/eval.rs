@@ -64,12 +64,17 @@ pub(super) struct EvalArgs {
 /// Whatever is wrong with the style, the DEM, a patch or an output path.
 pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
     let style = Style::load(&args.style)?;
-    let dem = args.dem.load()?;
+    let dem = args.dem.load(&context.console)?;
     let systems = registry::select(&style, &args.systems)?;
     let origins = patches(&args.patches, &dem)?;
     let (origins, overlapping) = without_exemplar(&style, &dem, origins);
     if overlapping > 0 {
-        context.console.line(format!("{overlapping} patches overlap the exemplar and are left out"));
+        let text = if overlapping == 1 {
+            "patch overlaps the exemplar and is"
+        } else {
+            "patches overlap the exemplar and are"
+        };
+        context.console.line(format!("{overlapping} {text} left out"));
     }
     if origins.is_empty() {
         let (rows, cols) = dem.shape();

@@ -57,8 +57,9 @@ pub(super) struct ExtractArgs {
 
 pub(super) fn run(args: &ExtractArgs, context: &Context) -> Result<()> {
     args::check_output(&args.output)?;
+    args::keep_inputs(&args.output, &[&args.input.dem])?;
     let config = args.config()?;
-    let dem = args.input.load()?;
+    let dem = args.input.load(&context.console)?;
     let (dem, lines) = args.lines_of(dem, &config)?;
     if lines.line_count() == 0 {
         let allowed = "at least one is needed: try terrain with more relief, a larger window, or lower \

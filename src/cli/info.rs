@@ -139,6 +139,12 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
         let ((west, north), (east, south)) = (g.to_model(0.0, 0.0), g.to_model(cols as f64, rows as f64));
         table.push(row("corners", format!("({west}, {north}) to ({east}, {south})")));
     }
+    if !dem.cell_size().is_square() {
+        table.push(row(
+            "note",
+            "cells are not square: other commands resample the terrain (--keep-cells leaves it)",
+        ));
+    }
     table.extend(description.notes.iter().map(|note| row("note", note)));
     if let Some(tile) = tile {
         table.push(row("place", &tile.title));

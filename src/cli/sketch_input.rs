@@ -1,6 +1,6 @@
 //! Sketch arguments: a GeoJSON file, or a sketch that comes with the program, for every verb alike.
 
-use crate::dem::{Georeference, Normalization};
+use crate::dem::Normalization;
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::sketch::geojson::{self, HeightUnit, ReadOptions, SketchReading};
@@ -58,19 +58,12 @@ pub(super) fn read_sized(
             // Before anything is sized by it.
             Sketch::new(rows, cols, Vec::new()).map_err(|e| e.in_file(path))?;
             let sketch = reading.sketch.scaled_to(rows, cols);
-            let georeference = reading.georeference.map(|g| scaled(&g, drawn, (rows, cols)));
+            let georeference = reading.georeference.map(|g| g.on_raster(drawn, (rows, cols)));
             Ok((SketchReading { sketch, georeference, ..reading }, Some(drawn)))
         }
         (Some(_), None) => Ok((read_sketch(path, &ReadOptions { size, ..*options })?, None)),
         _ => Ok((reading, None)),
     }
-}
-
-/// The place of the same ground on a raster of another shape.
-fn scaled(georeference: &Georeference, from: (usize, usize), to: (usize, usize)) -> Georeference {
-    let (down, across) = (from.0 as f64 / to.0 as f64, from.1 as f64 / to.1 as f64);
-    let [a, b, c, d, e, f] = georeference.transform;
-    Georeference { transform: [a * across, b * down, c, d * across, e * down, f], ..*georeference }
 }
 
 /// The sketch with its heights in metres.
@@ -89,23 +82,4 @@ pub(super) fn window_of(sketch: &Sketch, origin: Cell, rows: usize, cols: usize)
     }
     window.strokes.retain(|stroke| stroke.lies_on(rows, cols).0);
     window
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dem::RasterSpace;
-
-    #[test]
-    fn a_scaled_georeference_covers_the_same_ground() {
-        let g = Georeference {
-            transform: [30.0, 2.0, 500.0, -1.0, -40.0, 900.0],
-            epsg: Some(32611),
-            raster_space: RasterSpace::PixelIsArea,
-        };
-        let fine = scaled(&g, (64, 80), (128, 40));
-        for (col, row) in [(0.0, 0.0), (80.0, 64.0), (80.0, 0.0), (12.0, 20.0)] {
-            assert_eq!(fine.to_model(col / 2.0, row * 2.0), g.to_model(col, row));
-        }
-    }
 }

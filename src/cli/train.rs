@@ -1,7 +1,7 @@
 //! `monadnock train`: one piece of a DEM becomes a style.
 
 use super::Context;
-use super::args::{CropOption, DemInput, check_output, read_toml, terrain_name};
+use super::args::{CropOption, DemInput, check_output, keep_inputs, read_toml, terrain_name};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
@@ -79,8 +79,9 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         PresetName::Paper => Preset::Paper,
     };
     let config = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
-    let dem = args.dem.load()?;
+    let dem = args.dem.load(&context.console)?;
     check_output(&args.output)?;
+    keep_inputs(&args.output, &[&args.dem.dem])?;
     let (origin, rows, cols) = match args.crop.window {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,

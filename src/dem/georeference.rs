@@ -45,11 +45,37 @@ impl Georeference {
         Some(((e * x - b * y) / det, (a * y - d * x) / det))
     }
 
+    /// The same ground on a raster of another shape, frame to frame; shapes are (rows, columns).
+    #[must_use]
+    pub fn on_raster(&self, from: (usize, usize), to: (usize, usize)) -> Self {
+        let (down, across) = (from.0 as f64 / to.0 as f64, from.1 as f64 / to.1 as f64);
+        let [a, b, c, d, e, f] = self.transform;
+        Self { transform: [a * across, b * down, c, d * across, e * down, f], ..*self }
+    }
+
     /// The same raster after cutting away `rows` in the north and `cols` in the west.
     #[must_use]
     pub fn shifted(&self, rows: usize, cols: usize) -> Self {
         let (x, y) = self.to_model(cols as f64, rows as f64);
         let [a, b, _, d, e, _] = self.transform;
         Self { transform: [a, b, x, d, e, y], ..*self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_raster_covers_the_same_ground() {
+        let g = Georeference {
+            transform: [30.0, 2.0, 500.0, -1.0, -40.0, 900.0],
+            epsg: Some(32611),
+            raster_space: RasterSpace::PixelIsArea,
+        };
+        let fine = g.on_raster((64, 80), (128, 40));
+        for (col, row) in [(0.0, 0.0), (80.0, 64.0), (80.0, 0.0), (12.0, 20.0)] {
+            assert_eq!(fine.to_model(col / 2.0, row * 2.0), g.to_model(col, row));
+        }
     }
 }

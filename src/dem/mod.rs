@@ -7,8 +7,10 @@ mod heights;
 pub mod io;
 pub mod manifest;
 mod normalization;
+mod square;
 
 pub use cell_size::CellSize;
 pub use georeference::{Georeference, RasterSpace};
 pub use heights::Dem;
 pub use normalization::Normalization;
+pub use square::SQUARE_WITHIN;

@@ -32,7 +32,9 @@ impl Terrain {
     pub fn load(&self, name: &str) -> Result<Dem> {
         let in_folder = |m: &&Manifest| m.areas.iter().any(|area| area.name == name);
         if let Some(manifest) = self.manifest.as_ref().filter(in_folder) {
-            return manifest.load(name);
+            // On square cells, as every command has it.
+            let dem = manifest.load(name)?;
+            return Ok(dem.on_square_cells()?.unwrap_or(dem));
         }
         if bundled::names().any(|known| known == name) {
             return bundled::load(name);

@@ -28,6 +28,9 @@ const KEYS: [&str; 10] = [
     "nodata_value",
 ];
 
+/// What some editors put before a text in UTF-8.
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Words with the number of their line, from 1.
 struct Words<'a> {
     rest: &'a [u8],
@@ -60,7 +63,7 @@ fn number(path: &Path, field: &str, line: usize, word: Option<&[u8]>) -> Result<
     let field = || format!("{field} (line {line})");
     let word = word.ok_or_else(|| Error::file(path, field(), "missing", "the file ends here: truncated?"))?;
     let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
-    parsed.ok_or_else(|| Error::file(path, field(), show(word), "allowed: a number"))
+    parsed.ok_or_else(|| Error::file(path, field(), show(word), "allowed: a number, with a decimal point"))
 }
 
 struct Header {
@@ -162,7 +165,7 @@ fn is_number(word: &[u8]) -> bool {
 }
 
 pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
-    let mut words = Words { rest: bytes, line: 1 };
+    let mut words = Words { rest: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes), line: 1 };
     let header = Header::parse(path, &mut words)?;
     let (rows, cols) = check_size(path, header.side(path, "nrows")?, header.side(path, "ncols")?)?;
     // Every number takes a digit and a separator.
@@ -204,7 +207,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
         let value: Option<f64> = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
         let Some(value) = value else {
             let field = format!("height at row {}, column {} (line {})", i / cols, i % cols, words.line);
-            return Err(Error::file(path, field, show(word), "allowed: a number"));
+            return Err(Error::file(path, field, show(word), "allowed: a number, with a decimal point"));
         };
         samples.set(i, value);
     }

@@ -1,7 +1,8 @@
 //! The file formats, told apart by content first and by extension where there is no magic number.
 
+use super::ascii_grid::BYTE_ORDER_MARK;
 use crate::error::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A terrain file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -45,7 +46,7 @@ impl Format {
             [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Some(Self::Npy),
             _ => None,
         };
-        let extension = Self::of_extension(path);
+        let extension = Self::of_extension(&unpacked_name(path));
         match (by_magic, extension) {
             // An .hgt has no magic number, so that its first heights may look like any.
             (_, Some(Self::Hgt)) => Ok(Self::Hgt),
@@ -59,13 +60,24 @@ impl Format {
                 path,
                 "format",
                 format!("unknown (the file starts with {})", show(bytes)),
-                "allowed: GeoTIFF (.tif), SRTM (.hgt), ESRI ASCII grid (.asc), greyscale PNG, NumPy (.npy)",
+                "allowed: GeoTIFF (.tif), SRTM (.hgt), ESRI ASCII grid (.asc), greyscale PNG, NumPy (.npy), also with .gz",
             )),
         }
     }
 }
 
+/// Whether a file's name says that it is packed with gzip, as SRTM tiles are handed out (`N46E008.hgt.gz`).
+pub(super) fn is_gzip(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"))
+}
+
+/// The name without the ending of gzip.
+fn unpacked_name(path: &Path) -> PathBuf {
+    if is_gzip(path) { path.with_extension("") } else { path.to_owned() }
+}
+
 fn starts_like_ascii_grid(bytes: &[u8]) -> bool {
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
     let head = &bytes[..bytes.len().min(64)];
     let word: Vec<u8> = head.trim_ascii_start().iter().take(5).map(u8::to_ascii_lowercase).collect();
     word == b"ncols" || word == b"nrows"

@@ -8,6 +8,8 @@
 //! | PNG | grey, 8 or 16 bits, with a range | 16 bits, range in the file | from the file if ours, option, else 1 m | level 0 if ours |
 //! | `.npy` | two dimensions, integers, floats | float32 | option, else 1 m | not finite |
 //!
+//! Each may be packed with gzip, as in `N46E008.hgt.gz`.
+//!
 //! Cell sizes are metres on the ground: degrees are converted at the raster's middle latitude, web mercator is corrected
 //! by its cosine, other projected coordinates count as they are, times their unit. A file without a coordinate system
 //! is in metres as it says. Row 0 is turned to the north.
@@ -35,4 +37,4 @@ pub use format::Format;
 pub use options::{Nodata, ReadOptions, SampleType, WriteOptions};
 pub use reading::{MAX_FILE_BYTES, read, read_bytes, read_described};
 pub use samples::MAX_CELLS;
-pub use writing::write;
+pub use writing::{check_name, write};

@@ -12,6 +12,9 @@ pub const MAX_CELLS: u64 = 1 << 28;
 /// Heights beyond this many metres are taken for undeclared nodata markers (3.4e38, 2^31 - 1, ...): an error.
 const MAX_HEIGHT: f64 = 1e6;
 
+/// A nodata number beyond this stands for every number beyond it on the same side of 0: none of them can be a height.
+const HUGE_MARKER: f64 = 1e30;
+
 /// Numbers that are popular as undeclared nodata markers, and how far from every other height one of them must be
 /// to be taken for a marker.
 const MARKERS: [f64; 8] = [-9999.0, -32768.0, -32767.0, -99999.0, -999_999.0, 9999.0, 32767.0, 65535.0];
@@ -78,8 +81,13 @@ impl Rule {
     }
 
     fn is_void(&self, value: f64) -> bool {
-        !value.is_finite()
-            || self.nodata.is_some_and(|n| n == value || (self.single_precision && n as f32 == value as f32))
+        let is_marker = |n: f64| {
+            n == value
+                || (self.single_precision && n as f32 == value as f32)
+                // Written by hand or rounded, as -3.4e38 for the lowest float.
+                || (n.abs() > HUGE_MARKER && value.abs() > HUGE_MARKER && n.signum() == value.signum())
+        };
+        !value.is_finite() || self.nodata.is_some_and(is_marker)
     }
 }
 

@@ -26,6 +26,10 @@ pub(super) struct RawPoint {
     z: Option<f64>,
 }
 
+/// Heights beyond this many metres are no heights, as in terrain files (`dem::io`), which could not hold them.
+const MAX_HEIGHT: f64 = 1e6;
+const HEIGHTS: &str = "allowed: a finite number, up to 1000000 from 0";
+
 /// Properties that may hold the height of a whole line, in order of preference.
 const HEIGHT_PROPERTIES: [&str; 3] = ["z", "height", "elevation"];
 
@@ -93,11 +97,7 @@ fn line_height(properties: Option<&Map<String, Value>>, name: &str) -> Result<Op
         None | Some((_, Value::Null)) => Ok(None),
         Some((key, value)) => match value.as_f64().filter(|z| is_height(*z)) {
             Some(z) => Ok(Some(z)),
-            None => Err(Error::value(
-                format!("property `{key}` of {name}"),
-                shortened(value),
-                "allowed: a finite number",
-            )),
+            None => Err(Error::value(format!("property `{key}` of {name}"), shortened(value), HEIGHTS)),
         },
     }
 }
@@ -117,15 +117,18 @@ fn position(value: &Value, name: &str) -> Result<RawPoint> {
     };
     let z = match rest.first() {
         None | Some(Value::Null) => None,
-        Some(z) => Some(z.as_f64().filter(|z| is_height(*z)).ok_or_else(|| wrong("height", z))?),
+        Some(z) => {
+            let refuse = || Error::value(format!("height of {name}"), shortened(z), HEIGHTS);
+            Some(z.as_f64().filter(|z| is_height(*z)).ok_or_else(refuse)?)
+        }
     };
     let coordinate = |what: &str, v: &Value| v.as_f64().ok_or_else(|| wrong(what, v));
     Ok(RawPoint { x: coordinate("x", x)?, y: coordinate("y", y)?, z })
 }
 
-/// Heights are kept as 32-bit numbers on the raster.
+/// Not NaN, and no farther from 0 than a terrain file may hold.
 fn is_height(z: f64) -> bool {
-    (z as f32).is_finite()
+    z.abs() <= MAX_HEIGHT
 }
 
 fn array<'a>(value: &'a Value, name: &str) -> Result<&'a Vec<Value>> {

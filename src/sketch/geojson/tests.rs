@@ -127,7 +127,7 @@ fn missing_heights_are_named_or_interpolated() {
 fn heights_that_are_no_numbers_are_refused() {
     mentions(&refusal(&line("[[1,2,3],[4,5,NaN]]")), &["not JSON"]);
     mentions(&refusal(&line("[[1,2,3],[4,5,1e999]]")), &["not JSON", "out of range"]);
-    for bad in ["\"NaN\"", "\"Infinity\"", "1e300", "true", "[3]"] {
+    for bad in ["\"NaN\"", "\"Infinity\"", "1e300", "1000000.5", "true", "[3]"] {
         let message = refusal(&line(&format!("[[1,2,3],[4,5,{bad}]]")));
         mentions(&message, &["height of feature 1, vertex 2", "finite"]);
     }

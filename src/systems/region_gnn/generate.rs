@@ -226,7 +226,7 @@ impl RegionGnn {
         let mut adam = Adam::new(std::iter::once(&embedding));
         let schedule = Schedule { peak: tuning.learning_rate, steps: tuning.steps, warm_up: 0.0, floor: 0.1 };
         let graph = &sketch.graph;
-        let (rows, cols) = graph.shape();
+        let shape = graph.shape();
         let lines = graph.line_cells().iter().map(|&i| i as usize).zip(graph.line_heights());
         let lines: Vec<(usize, f64)> = lines.map(|(i, &z)| (i, f64::from(z))).collect();
         for step in 0..tuning.steps {
@@ -238,7 +238,8 @@ impl RegionGnn {
             for &(i, z) in &lines {
                 gradient[i] += tuning.ground_truth * 2.0 * (y[i] - z) / lines.len() as f64;
             }
-            let value = smooth(&y, rows, cols, SMOOTH_PAIRS, seed, tuning.smooth, &mut gradient);
+            // A sketch has no voids: its whole map is to become terrain.
+            let value = smooth(&y, shape, None, SMOOTH_PAIRS, seed, tuning.smooth, &mut gradient);
             if !value.is_finite() {
                 return Err(Error::Diverged { epoch: step, what: "l_smooth of the fine-tuning", value });
             }

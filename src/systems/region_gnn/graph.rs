@@ -73,14 +73,10 @@ impl RegionGraph {
         let (rows, cols) = lines.shape();
         let regions: Vec<Region> = parts.iter().map(Region::new).collect();
         let k = config.neighbours.min(regions.len());
-        let nearest = nearest_regions(&regions, rows, cols, k);
-        let projected: Vec<_> = nearest
-            .par_iter()
-            .enumerate()
-            .map(|(edge, &r)| regions[r as usize].project(Cell::new(edge / k / cols, edge / k % cols)))
-            .collect();
-        let projections = projected.iter().map(|p| p.index as u8).collect();
-        let distances = projected.iter().map(|p| p.distance).collect();
+        let ties = nearest_regions(&regions, rows, cols, k);
+        let nearest: Vec<u32> = ties.iter().map(|(region, _)| *region).collect();
+        let projections = ties.iter().map(|(_, p)| p.index as u8).collect();
+        let distances = ties.iter().map(|(_, p)| p.distance).collect();
         let (region_offsets, region_pixels) = by_region(&nearest, k, regions.len());
         let kinds = lines.kinds().as_slice();
         let indicator = kinds

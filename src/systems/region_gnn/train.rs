@@ -31,6 +31,8 @@ const FAR_SAMPLES: usize = 1000;
 pub(super) const SMOOTH_PAIRS: usize = 10_000;
 /// Pixels for which [`RegionGnnConfig::random_edges`] is meant.
 const REFERENCE_PIXELS: usize = 128 * 128;
+/// An l_gt beyond this, heights off by a hundred times the relief, is a divergence although the numbers are finite.
+const LARGEST_GROUND_TRUTH: f64 = 1e4;
 /// Smallest side of an exemplar: below it neither SSIM nor lines mean anything.
 pub const SMALLEST_EXEMPLAR: usize = 32;
 
@@ -195,7 +197,8 @@ pub fn train(
         cols,
         heights: exemplar.heights.as_slice().iter().map(|&z| f64::from(z)).collect(),
         valid: exemplar.valid.as_slice().to_vec(),
-    };
+    }
+    .without_voids();
     let objective = Objective { ssim: SsimLoss::new(&target), target, config };
     let weights = sample_weights(samples.iter().map(|(sample, _)| &*sample.graph), &objective.target);
     let network = Network::new(config, first.parts.len(), seed)?;
@@ -234,8 +237,14 @@ pub fn train(
         let edges = sample.draw(config, config.masked, seed);
         let output = network.forward(&edges, None, seed)?;
         let (losses, surrogate) = objective.evaluate(sample, correction.as_ref(), &output, seed)?;
-        if let Some((what, value)) = losses.first_not_finite() {
+        if let Some((what, value)) = losses.first_absurd() {
             return Err(Error::Diverged { epoch, what, value });
+        }
+        // Here and not at the end of an epoch: this state has just been seen to give losses that are in order, so that one
+        // that diverges never replaces one that does not.
+        if let Some(c) = control.checkpoints.as_ref().filter(|c| epoch > 0 && kept.elapsed() >= c.interval) {
+            checkpoint::save(&c.path, &progress, network.params(), &adam)?;
+            kept = Instant::now();
         }
         let gradients = (surrogate * weights[choice])?.backward()?;
         adam.update(network.params().iter().map(|(_, var)| var), &gradients, rate)?;
@@ -251,14 +260,12 @@ pub fn train(
         };
         progress.count(report, weights[choice] * losses.weighted(&config.losses));
         (control.progress)(&report);
-        if let Some(c) = control.checkpoints.as_ref().filter(|c| kept.elapsed() >= c.interval) {
-            // A state that is no longer finite must not replace one that is.
-            if network.params().snapshot()?.iter().flatten().all(|v| v.is_finite()) {
-                checkpoint::save(&c.path, &progress, network.params(), &adam)?;
-            }
-            kept = Instant::now();
-        }
         last = Some(report);
+    }
+    // The last step, after which no loss was taken.
+    let weights = network.params().snapshot()?;
+    if let Some(&value) = weights.iter().flatten().find(|v| !v.is_finite()) {
+        return Err(Error::Diverged { epoch: progress.epoch, what: "a weight", value: value.into() });
     }
     times.sort_by(f64::total_cmp);
     let seconds_per_epoch =
@@ -361,8 +368,8 @@ impl Objective<'_> {
             ground_truth: ground_truth(&y, t, w.ground_truth, &mut gradient),
             ssim: self.ssim.add(&y, w.ssim, &mut gradient),
             gradient: slope(&y, t, w.gradient * pixels, &mut gradient),
-            sketch: sketch_order(&y, graph, seed, w.sketch, &mut gradient),
-            smooth: smooth(&y, t.rows, t.cols, SMOOTH_PAIRS, seed, w.smooth, &mut gradient),
+            sketch: sketch_order(&y, graph, &t.valid, seed, w.sketch, &mut gradient),
+            smooth: smooth(&y, (t.rows, t.cols), Some(&t.valid), SMOOTH_PAIRS, seed, w.smooth, &mut gradient),
             further: 0.0,
         };
         let constant = |values: Vec<f64>| {
@@ -370,7 +377,7 @@ impl Objective<'_> {
             Tensor::from_vec(values.into_iter().map(|v| v as f32).collect(), n, &Device::Cpu)
         };
         let mut surrogate = (corrected * constant(gradient)?)?.sum_all()?;
-        let far = far_pixels(graph);
+        let far = far_pixels(graph, &t.valid);
         if self.config.frame == HeightFrame::Absolute && !far.is_empty() {
             let mut stream = seed.stream("far pixels");
             let chosen: Vec<u32> = (0..FAR_SAMPLES).map(|_| far[stream.random_range(0..far.len())]).collect();
@@ -393,10 +400,10 @@ impl Objective<'_> {
     }
 }
 
-/// Pixels beyond [`FAR`] of every part.
-fn far_pixels(graph: &RegionGraph) -> Vec<u32> {
-    let nearest = graph.distances().chunks_exact(graph.k());
-    nearest.enumerate().filter(|(_, d)| d[0] > FAR).map(|(pixel, _)| pixel as u32).collect()
+/// Pixels beyond [`FAR`] of every part that are not voids.
+fn far_pixels(graph: &RegionGraph, valid: &[bool]) -> Vec<u32> {
+    let nearest = graph.distances().chunks_exact(graph.k()).zip(valid);
+    nearest.enumerate().filter(|(_, (d, ok))| **ok && d[0] > FAR).map(|(pixel, _)| pixel as u32).collect()
 }
 
 impl LossValues {
@@ -410,7 +417,8 @@ impl LossValues {
             + w.further * self.further
     }
 
-    fn first_not_finite(&self) -> Option<(&'static str, f64)> {
+    /// A loss that is not a number, or heights so far off that no training comes back from there.
+    fn first_absurd(&self) -> Option<(&'static str, f64)> {
         [
             ("l_gt", self.ground_truth),
             ("1 - SSIM", self.ssim),
@@ -420,6 +428,69 @@ impl LossValues {
             ("l_further", self.further),
         ]
         .into_iter()
-        .find(|(_, value)| !value.is_finite())
+        .find(|(name, value)| !value.is_finite() || (*name == "l_gt" && *value > LARGEST_GROUND_TRUTH))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::extract::{ExtractionConfig, ridges_and_valleys};
+
+    /// A wavy square with a void in it, and what the void is filled with in memory.
+    fn exemplar(side: usize, filling: f32) -> Exemplar {
+        let wavy = |row: f32, col: f32| 0.5 + 0.3 * (0.35 * row).sin() * (0.2 * col + 0.1 * row).cos();
+        let valid = Grid::from_fn(side, side, |c| !(14..26).contains(&c.row) || !(10..24).contains(&c.col));
+        let heights = Grid::from_fn(side, side, |c| wavy(c.row as f32, c.col as f32));
+        let config = ExtractionConfig { min_accumulation: 8, min_order: 1, ..Default::default() };
+        let lines = vec![ridges_and_valleys(&heights, &valid, &config).unwrap()];
+        let heights = Grid::from_fn(side, side, |c| if valid[c] { heights[c] } else { filling });
+        Exemplar { heights, valid, lines }
+    }
+
+    /// All six losses of a network's output, and their gradient by that output and by the far height.
+    fn losses_of(
+        exemplar: &Exemplar,
+        config: &RegionGnnConfig,
+        at_voids: f32,
+    ) -> (LossValues, Vec<f32>, f32) {
+        let (rows, cols) = exemplar.heights.shape();
+        let target = Target {
+            rows,
+            cols,
+            heights: exemplar.heights.as_slice().iter().map(|&z| f64::from(z)).collect(),
+            valid: exemplar.valid.as_slice().to_vec(),
+        }
+        .without_voids();
+        let (sample, _) = prepare(exemplar, config, Seed(3)).unwrap().remove(0);
+        let y: Vec<f32> = (0..rows * cols).map(|i| 0.5 + 0.2 * (0.7 * i as f32).sin()).collect();
+        let valid = exemplar.valid.as_slice();
+        let y: Vec<f32> = y.iter().zip(valid).map(|(y, ok)| if *ok { *y } else { at_voids }).collect();
+        let far = candle_core::Var::new(0.4f32, &Device::Cpu).unwrap();
+        let heights = candle_core::Var::from_vec(y, rows * cols, &Device::Cpu).unwrap();
+        let output = Output { heights: heights.as_tensor().clone(), far_height: far.as_tensor().clone() };
+        let objective = Objective { ssim: SsimLoss::new(&target), target, config };
+        let (losses, surrogate) = objective.evaluate(&sample, None, &output, Seed(9)).unwrap();
+        let gradients = surrogate.backward().unwrap();
+        let by_heights = gradients.get(&heights).unwrap().to_vec1().unwrap();
+        let by_far = gradients.get(&far).map_or(0.0, |g| g.to_scalar().unwrap());
+        (losses, by_heights, by_far)
+    }
+
+    #[test]
+    fn absurd_numbers_in_voids_change_no_loss_and_no_gradient() {
+        let config = RegionGnnConfig::paper();
+        let (losses, gradient, by_far) = losses_of(&exemplar(48, 0.0), &config, 0.5);
+        let all =
+            [losses.ground_truth, losses.ssim, losses.gradient, losses.sketch, losses.smooth, losses.further];
+        assert!(all.iter().all(|value| *value > 0.0) && by_far != 0.0, "each of the six counts: {losses:?}");
+        for (filling, at_voids) in [(1e6, 0.5), (0.0, -1e6), (f32::NAN, 1e6)] {
+            let other = losses_of(&exemplar(48, filling), &config, at_voids);
+            assert_eq!((&losses, &gradient, by_far), (&other.0, &other.1, other.2), "{filling} {at_voids}");
+        }
+        let valid = exemplar(48, 0.0).valid;
+        for (g, ok) in gradient.iter().zip(valid.as_slice()) {
+            assert!(*ok || *g == 0.0, "no gradient in a void");
+        }
     }
 }

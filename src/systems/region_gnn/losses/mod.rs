@@ -27,6 +27,13 @@ pub struct Target {
 }
 
 impl Target {
+    /// The same with voids filled by 0, so that not even a NaN there can reach a sum.
+    #[must_use]
+    pub fn without_voids(mut self) -> Self {
+        self.heights.iter_mut().zip(&self.valid).filter(|(_, ok)| !**ok).for_each(|(z, _)| *z = 0.0);
+        self
+    }
+
     /// Number of cells with a height.
     #[must_use]
     pub fn valid_count(&self) -> usize {

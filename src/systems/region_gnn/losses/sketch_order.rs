@@ -15,13 +15,25 @@ const NOISE: f64 = 0.3;
 const CHUNKS: usize = 16;
 
 /// Mean cross-entropy, over the fixed edges of positive length, between the Gumbel-softmax of (pixel, projection) heights
-/// and the side that should be higher. Adds `weight` times its gradient.
+/// and the side that should be higher. Adds `weight` times its gradient. Edges with an end that is not `valid` are left out.
 ///
 /// Of two classes only the difference of the logits counts, and the difference of two Gumbel variables is logistic.
-pub fn sketch_order(y: &[f64], graph: &RegionGraph, seed: Seed, weight: f64, gradient: &mut [f64]) -> f64 {
+pub fn sketch_order(
+    y: &[f64],
+    graph: &RegionGraph,
+    valid: &[bool],
+    seed: Seed,
+    weight: f64,
+    gradient: &mut [f64],
+) -> f64 {
     let k = graph.k();
     let chunk = y.len().div_ceil(CHUNKS);
-    let count = graph.distances().iter().filter(|d| **d > 0.0).count().max(1) as f64;
+    // Known once, so that terrain without voids, which is most, is not asked at every edge.
+    let whole = valid.iter().all(|v| *v);
+    let counts = |edge: usize| {
+        graph.distances()[edge] > 0.0 && (whole || valid[edge / k] && valid[graph.projected_pixel(edge)])
+    };
+    let count = (0..y.len() * k).filter(|&edge| counts(edge)).count().max(1) as f64;
     let factor = (weight / TEMPERATURE / count) as f32;
     let partials: Vec<(f64, Vec<f32>)> = (0..y.len().div_ceil(chunk))
         .into_par_iter()
@@ -31,7 +43,7 @@ pub fn sketch_order(y: &[f64], graph: &RegionGraph, seed: Seed, weight: f64, gra
             let mut total = 0.0;
             let mut batch = Batch::default();
             let edges = c * chunk * k..y.len().min((c + 1) * chunk) * k;
-            let mut rest = edges.filter(|&edge| graph.distances()[edge] > 0.0).peekable();
+            let mut rest = edges.filter(|&edge| counts(edge)).peekable();
             while rest.peek().is_some() {
                 batch.len = 0;
                 for edge in rest.by_ref().take(BATCH) {
@@ -141,7 +153,7 @@ mod tests {
         let error = gradient_error(
             &y,
             1e-3,
-            |y, g| sketch_order(y, &graph, Seed(4), 1.0, g),
+            |y, g| sketch_order(y, &graph, &[true; 12 * 14], Seed(4), 1.0, g),
             (0..y.len()).step_by(3),
         );
         assert!(error < 1e-3, "{error}");
@@ -153,7 +165,27 @@ mod tests {
         let roof: Vec<f64> = (0..12 * 14).map(|i| 1.0 - (i as f64 / 14.0 - 2.0).abs() / 10.0).collect();
         let trough: Vec<f64> = roof.iter().map(|z| 1.0 - z).collect();
         let mut g = vec![0.0; roof.len()];
-        let cost = |y: &[f64], g: &mut [f64]| sketch_order(y, &graph, Seed(4), 1.0, g);
+        let cost = |y: &[f64], g: &mut [f64]| sketch_order(y, &graph, &[true; 12 * 14], Seed(4), 1.0, g);
         assert!(cost(&roof, &mut g) < 0.5 * cost(&trough, &mut g));
+    }
+
+    #[test]
+    fn voids_take_no_part() {
+        let (y, graph) = (bumpy(12, 14, 0.4), graph());
+        // Ground beside the ridge, and a cell of the ridge itself.
+        let voids = [5 * 14 + 6, 2 * 14 + 5];
+        let mut valid = vec![true; y.len()];
+        voids.iter().for_each(|&i| valid[i] = false);
+        let cost = |y: &[f64], valid: &[bool]| {
+            let mut g = vec![0.0; y.len()];
+            (sketch_order(y, &graph, valid, Seed(4), 1.0, &mut g), g)
+        };
+        let mut absurd = y.clone();
+        voids.iter().for_each(|&i| absurd[i] = -1e6);
+        let (value, gradient) = cost(&y, &valid);
+        assert_eq!((value, &gradient), (cost(&absurd, &valid).0, &cost(&absurd, &valid).1));
+        assert!(voids.iter().all(|&i| gradient[i] == 0.0));
+        let whole = vec![true; y.len()];
+        assert!((cost(&y, &whole).0 - cost(&absurd, &whole).0).abs() > 1.0, "they count unless left out");
     }
 }
