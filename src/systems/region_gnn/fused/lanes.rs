@@ -11,20 +11,24 @@ use pulp::bytemuck::{cast_slice, cast_slice_mut};
 pub(super) type State<S, const N: usize> = [<S as Simd>::f32s; N];
 
 /// Calls `$run::<S, N, B>`: N registers hold a state of the width, B states are worked on at once so that a row of
-/// weights is loaded once for all and the sums still fit the register file (32 wide registers, else 16).
+/// weights is loaded once for all and the sums still fit the register file (32 wide registers, else 16). The number of lanes
+/// is in every pattern, so that for each instruction set only its own arms are compiled.
 macro_rules! with_registers {
     ($simd:ident, $self:ident, $width:expr) => {
-        match (S::F32_LANES >= 16, $width / S::F32_LANES) {
-            (true, 1) => $self.run::<S, 1, 8>($simd),
-            (true, 2) => $self.run::<S, 2, 8>($simd),
-            (true, 4) => $self.run::<S, 4, 4>($simd),
-            (false, 2) => $self.run::<S, 2, 4>($simd),
-            (false, 4) => $self.run::<S, 4, 2>($simd),
-            (false, 8) => $self.run::<S, 8, 1>($simd),
-            (false, 16) => $self.run::<S, 16, 1>($simd),
-            (false, 32) => $self.run::<S, 32, 1>($simd),
-            (false, 64) => $self.run::<S, 64, 1>($simd),
-            (_, n) => unreachable!("a width of {n} registers passed validation"),
+        match (S::F32_LANES, $width / S::F32_LANES) {
+            (16, 1) => $self.run::<S, 1, 8>($simd),
+            (16, 2) => $self.run::<S, 2, 8>($simd),
+            (16, 4) => $self.run::<S, 4, 4>($simd),
+            (8, 2) => $self.run::<S, 2, 4>($simd),
+            (8, 4) => $self.run::<S, 4, 2>($simd),
+            (8, 8) => $self.run::<S, 8, 1>($simd),
+            (4, 4) => $self.run::<S, 4, 2>($simd),
+            (4, 8) => $self.run::<S, 8, 1>($simd),
+            (4, 16) => $self.run::<S, 16, 1>($simd),
+            (1, 16) => $self.run::<S, 16, 1>($simd),
+            (1, 32) => $self.run::<S, 32, 1>($simd),
+            (1, 64) => $self.run::<S, 64, 1>($simd),
+            (lanes, n) => unreachable!("a width of {n} registers of {lanes} passed validation"),
         }
     };
 }
