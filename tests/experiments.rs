@@ -75,7 +75,7 @@ fn experiments(folder: &str) -> Vec<(String, ExperimentSpec)> {
 #[test]
 fn every_experiment_can_be_run_and_has_a_quick_twin() {
     let (full, quick) = (experiments("full"), experiments("quick"));
-    assert!(full.len() >= 4, "{}", full.len());
+    assert!(full.len() >= 14, "{}", full.len());
     for (name, spec) in &full {
         assert!(spec.seeds.len() >= 3, "{name}: {} seeds", spec.seeds.len());
         assert!(!spec.bound.is_empty(), "{name} expects nothing");
@@ -89,7 +89,18 @@ fn every_experiment_can_be_run_and_has_a_quick_twin() {
         resolve(spec, &Terrain::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
     }
     let kinds: Vec<Kind> = full.iter().map(|(_, spec)| spec.kind).collect();
-    for kind in [Kind::Neighbours, Kind::Fit, Kind::Sparse, Kind::Ablation] {
+    for kind in [
+        Kind::Neighbours,
+        Kind::Fit,
+        Kind::Sparse,
+        Kind::Ablation,
+        Kind::Exemplar,
+        Kind::Exchange,
+        Kind::Drawings,
+        Kind::Invariance,
+        Kind::Disentanglement,
+        Kind::Cost,
+    ] {
         assert!(kinds.contains(&kind), "{kind:?}");
     }
 }

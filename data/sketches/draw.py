@@ -130,5 +130,36 @@ def single_stroke():
     save("single-stroke", "One ridge", [("ridge", spline(crest))])
 
 
-for draw in (lambda_ring, p_valley, volcano_ring, meander, single_stroke):
+def a_circle():
+    ring = polar((64, 64), [50, 52, 51, 49, 50, 52, 51, 50, 49, 51, 52, 50],
+                 [.14, .12, .10, .08, .07, .06, .07, .09, .11, .13, .15, .15])
+    bowl = polar((58, 66), [21, 20, 21, 22, 21, 20, 21, 22], [.82, .90, .95, .92, .86, .80, .76, .78], start=.3)
+    stem = [(80, 36, .52), (82, 50, .70), (81, 64, .86), (83, 80, .72), (92, 92, .50)]
+    save("a-circle", "A ridge like a letter a inside a circle of valleys",
+         [("valley", spline(ring, True)), ("ridge", spline(bowl, True)), ("ridge", spline(stem))])
+
+
+def fault_line():
+    scarp = [(6, 40, .70), (28, 46, .76), (50, 55, .82), (74, 62, .84), (98, 72, .78), (122, 80, .70)]
+    foot = [(x - 3, y + 8, .30 - .02 * i) for i, (x, y, _) in enumerate(scarp)]
+    # Streams that the fault has moved sideways: their upper and lower courses do not meet.
+    upper = [[(34, 6, .90), (30, 20, .86), (34, 36, .78)], [(70, 8, .92), (66, 28, .86), (70, 48, .80)],
+             [(108, 12, .88), (102, 34, .82), (104, 58, .74)]]
+    lower = [[(46, 66, .22), (42, 88, .16), (46, 120, .08)], [(84, 78, .20), (80, 98, .14), (84, 122, .07)]]
+    save("fault-line", "A fault with a scarp and streams that it has moved",
+         [("ridge", spline(scarp)), ("valley", spline(foot))] + [("valley", spline(s)) for s in upper + lower])
+
+
+def empty_corner():
+    trunk = [(4, 60, .10), (22, 54, .14), (42, 48, .20), (58, 34, .28), (64, 14, .38)]
+    side = [(42, 48, .20), (30, 34, .28), (24, 18, .38)]
+    crest = [(6, 96, .64), (22, 84, .76), (42, 76, .90), (58, 62, .96), (78, 48, .88), (86, 26, .78), (88, 8, .66)]
+    spur = [(42, 76, .90), (36, 66, .70), (30, 60, .48)]
+    west = [(8, 36, .60), (12, 20, .72), (10, 6, .64)]
+    save("empty-corner", "A valley and a crest; the south-eastern corner is left to the style",
+         [("valley", spline(trunk)), ("valley", spline(side)), ("ridge", spline(crest)), ("ridge", spline(spur)),
+          ("ridge", spline(west))])
+
+
+for draw in (a_circle, empty_corner, fault_line, lambda_ring, p_valley, volcano_ring, meander, single_stroke):
     draw()

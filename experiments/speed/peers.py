@@ -1,11 +1,12 @@
 """An epoch of ours beside the same epoch in PyTorch, in one run, as ratios.
 
-    python3 experiments/speed/peers.py PEERS [--rounds N] [--readme README.md]
+    python3 experiments/speed/peers.py PEERS [--rounds N] [--readme README.md] [--csv FILE]
 
 PEERS is a folder with the PyTorch re-writes (`peer_gnn.py`: the paper's network at 128x128, k = 10, 10,000 random edges,
 T = 2, width 32, six losses, Adam, two threads; `plain` as one would write it, `fast` with factorised first layers).
 Rounds of ours, plain and fast follow each other, so that what else the machine does falls on all. Without torch it says so
-and ends well. --readme puts the table between the marks `<!-- speed -->` and `<!-- /speed -->`.
+and ends well. --readme puts the table between the marks `<!-- speed -->` and `<!-- /speed -->`; --csv writes the peers'
+numbers for `monadnock experiment run experiments/full/cost.toml --peers FILE`.
 
 Bias: the peers run on another terrain (matplotlib's sample) with 241 parts, ours on the bundled tile with 333.
 """
@@ -53,6 +54,7 @@ def main():
     parser.add_argument("peers")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--readme")
+    parser.add_argument("--csv")
     args = parser.parse_args()
     if subprocess.run([sys.executable, "-c", "import torch"], capture_output=True).returncode != 0:
         print("skipped: torch is not installed")
@@ -74,6 +76,11 @@ def main():
         f"| monadnock, `anchored` (default) | {median[1]:.3f} | {ratio(1):.2f} | {memory[1]:.0f} |",
     ])
     print("\n" + table)
+    if args.csv:
+        lines = ["stage,system,n,seconds,peak_memory_mb"]
+        for name, column, memory_mb in (("plain", 2, plain_memory), ("factorised", 3, fast_memory)):
+            lines.append(f"an epoch,PyTorch {name},{len(rounds)},{median[column]:.5f},{memory_mb:.0f}")
+        pathlib.Path(args.csv).write_text("\n".join(lines) + "\n")
     if args.readme:
         path = pathlib.Path(args.readme)
         text = path.read_text()

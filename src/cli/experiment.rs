@@ -6,7 +6,6 @@ use crate::error::{Error, Result};
 use crate::experiment::record::Record;
 use crate::experiment::resolve::{Terrain, resolve};
 use crate::experiment::run::{Event, RunOptions, run as run_experiment};
-use crate::experiment::spec::Kind;
 use crate::experiment::{ExperimentSpec, bounds, markdown, report};
 use crate::file;
 use std::path::{Path, PathBuf};
@@ -63,6 +62,9 @@ struct RunArgs {
     /// Begin anew, whatever the record holds
     #[arg(long)]
     restart: bool,
+    /// Seconds and memory of others to stand beside ours: a table like stages.csv of a record
+    #[arg(long, value_name = "CSV")]
+    peers: Option<PathBuf>,
 }
 
 #[derive(clap::Args)]
@@ -143,9 +145,12 @@ fn start(args: &RunArgs, context: &Context) -> Result<()> {
     let outcome = run_experiment(&resolved, &options, &|event| watch.tell(event))?;
     drop(watch);
     let record = Record::new(&out);
+    if let Some(peers) = &args.peers {
+        record.add_peers(peers)?;
+    }
     let page = report::write(&record)?;
     let console = &context.console;
-    console.line(markdown::tables(&resolved.spec, &record.scores()?)?.trim_end());
+    console.line(markdown::of_record(&record)?.trim_end());
     let spent = spoken(Duration::from_secs_f64(outcome.seconds));
     console.line(format!("{} rows, {} failed, {spent}; {}", outcome.rows, outcome.failed, page.display()));
     if outcome.seconds > 60.0 * spec.budget_minutes {
@@ -256,15 +261,10 @@ fn list(folder: &Path, context: &Context) -> Result<()> {
                 (false, true) => "interrupted".to_owned(),
                 (false, false) => "not run".to_owned(),
             };
-            let kind = match spec.kind {
-                Kind::Neighbours => "neighbours",
-                Kind::Fit => "fit",
-                Kind::Sparse => "sparse",
-                Kind::Ablation => "ablation",
-            };
             context.console.line(format!(
-                "{:32} {kind:10} {} areas, {} seeds, {} min  {state}\n{:32} {}",
+                "{:32} {:15} {} areas, {} seeds, {} min  {state}\n{:32} {}",
                 path.display(),
+                spec.kind.name(),
                 spec.area.len(),
                 spec.seeds.len(),
                 spec.budget_minutes,

@@ -28,8 +28,8 @@ A file is a style when its name ends in .safetensors, a sketch when it holds JSO
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
-    /// Terrain, sketch or style; or the name of terrain (sierra, grand-canyon) or of a sketch (lambda-ring, meander,
-    /// p-valley, single-stroke, volcano-ring) that comes with the program
+    /// Terrain, sketch or style; or the name of terrain (sierra, grand-canyon) or of a sketch (a-circle, empty-corner,
+    /// fault-line, lambda-ring, meander, p-valley, single-stroke, volcano-ring) that comes with the program
     file: PathBuf,
     /// Print one JSON object
     #[arg(long)]

@@ -31,8 +31,8 @@ pub(super) struct RenderArgs {
     output: PathBuf,
     #[command(flatten)]
     crop: CropOption,
-    /// Ridges and valleys to draw over the terrain: a GeoJSON file, or a sketch that comes with the program (lambda-ring,
-    /// meander, p-valley, single-stroke, volcano-ring)
+    /// Ridges and valleys to draw over the terrain: a GeoJSON file, or a sketch that comes with the program (a-circle,
+    /// empty-corner, fault-line, lambda-ring, meander, p-valley, single-stroke, volcano-ring)
     #[arg(long, value_name = "SKETCH")]
     sketch: Option<PathBuf>,
     /// Pixels a cell, along each side, 1 to 64

@@ -85,6 +85,57 @@ pub struct Evaluation {
     pub patches: Vec<Rebuilt>,
 }
 
+/// Takes lines away from the sketch of the patch at a cell.
+pub(super) type Reduction<'a> = &'a (dyn Fn(LineMap, Cell) -> LineMap + Sync);
+
+/// A patch as it is shown to the systems.
+pub(super) struct Patch {
+    pub(super) normalization: Normalization,
+    /// Unit heights.
+    pub(super) truth: Grid<f32>,
+    pub(super) valid: Mask,
+    /// What the systems are given, unit heights.
+    pub(super) lines: LineMap,
+}
+
+impl Patch {
+    /// The patch at `origin`.
+    ///
+    /// # Errors
+    /// When it reaches past the frame, is all void or level, or shows no line.
+    pub(super) fn new(
+        dem: &Dem,
+        origin: Cell,
+        config: &EvaluationConfig,
+        reduce: Reduction<'_>,
+    ) -> Result<Self> {
+        let patch = dem.crop(origin, PATCH, PATCH)?;
+        let (low, high) = patch.range();
+        if low == high {
+            let allowed = "level ground has no range to score in";
+            return Err(Error::value("relief of the patch", "0 m", allowed));
+        }
+        let normalization = Normalization::of(&patch);
+        let (truth, valid) = (normalization.normalize(&patch), patch.valid().clone());
+        let lines = extract::ridges_and_valleys(&truth, &valid, &config.sketch_extraction())?;
+        let lines = reduce(lines, origin);
+        if lines.line_count() == 0 {
+            return Err(Error::value("number of line cells", 0, "the patch shows no ridge or valley"));
+        }
+        Ok(Self { normalization, truth, valid, lines })
+    }
+
+    /// Share of the cells that carry a line.
+    pub(super) fn line_share(&self) -> f64 {
+        self.lines.line_count() as f64 / self.truth.len() as f64
+    }
+
+    /// Metres of the unit interval.
+    pub(super) fn relief(&self) -> f64 {
+        self.normalization.high() - self.normalization.low()
+    }
+}
+
 /// Rebuilds the patches at `origins` with every system. `done` is told after each patch.
 ///
 /// A patch without relief or lines, and a system that fails, give rows with the error: never a hole.
@@ -100,13 +151,28 @@ pub fn evaluate(
     keep: bool,
     done: impl Fn() + Sync,
 ) -> Result<Evaluation> {
+    evaluate_reduced(dem, origins, systems, config, &|lines, _| lines, seed, keep, done)
+}
+
+/// As [`evaluate`], from fewer lines: `reduce` takes some of the patch's.
+#[allow(clippy::too_many_arguments, reason = "those of `evaluate` and one more")]
+pub(super) fn evaluate_reduced(
+    dem: &Dem,
+    origins: &[Cell],
+    systems: &[Named],
+    config: &EvaluationConfig,
+    reduce: Reduction<'_>,
+    seed: Seed,
+    keep: bool,
+    done: impl Fn() + Sync,
+) -> Result<Evaluation> {
     config.extraction.validate()?;
     config.sketch_extraction().validate()?;
     let results: Vec<(Vec<Row>, Option<Rebuilt>)> = origins
         .par_iter()
         .map(|&origin| {
             let seed = seed.derive(&format!("patch {},{}", origin.row, origin.col));
-            let result = rebuild(dem, origin, systems, config, seed);
+            let result = rebuild(dem, origin, systems, config, reduce, seed);
             done();
             let (rows, patch) = result?;
             Ok((rows, patch.filter(|_| keep)))
@@ -121,6 +187,7 @@ fn rebuild(
     origin: Cell,
     systems: &[Named],
     config: &EvaluationConfig,
+    reduce: Reduction<'_>,
     seed: Seed,
 ) -> Result<(Vec<Row>, Option<Rebuilt>)> {
     let blank = |system: &str, error: String| Row {
@@ -133,29 +200,15 @@ fn rebuild(
         scores: None,
         error: Some(error),
     };
-    let refuse = |error: String| -> Result<(Vec<Row>, Option<Rebuilt>)> {
-        Ok((systems.iter().map(|(name, _)| blank(name, error.clone())).collect(), None))
-    };
     dem.valid().crop(origin, PATCH, PATCH)?;
-    let patch = match dem.crop(origin, PATCH, PATCH) {
+    let patch = match Patch::new(dem, origin, config, reduce) {
         Ok(patch) => patch,
-        Err(error) => return refuse(error.to_string()),
+        Err(error) => {
+            return Ok((systems.iter().map(|(name, _)| blank(name, error.to_string())).collect(), None));
+        }
     };
-    let (low, high) = patch.range();
-    if low == high {
-        return refuse(
-            Error::value("relief of the patch", "0 m", "level ground has no range to score in").to_string(),
-        );
-    }
-    let normalization = Normalization::of(&patch);
-    let (truth, valid) = (normalization.normalize(&patch), patch.valid().clone());
-    let lines = extract::ridges_and_valleys(&truth, &valid, &config.sketch_extraction())?;
-    if lines.line_count() == 0 {
-        return refuse(
-            Error::value("number of line cells", 0, "the patch shows no ridge or valley").to_string(),
-        );
-    }
-    let line_share = lines.line_count() as f64 / truth.len() as f64;
+    let (relief, line_share) = (patch.relief(), patch.line_share());
+    let Patch { normalization, truth, valid, lines } = patch;
     let mut rows = Vec::new();
     let mut outputs = Vec::new();
     for (name, system) in systems {
@@ -167,7 +220,6 @@ fn rebuild(
             let found = extract::ridges_and_valleys(&output, &valid, &config.sketch_extraction())?;
             Ok((scores.with_lines(&lines, &found)?, output))
         });
-        let relief = normalization.high() - normalization.low();
         let row = Row { seconds, relief, line_share, ..blank(name, String::new()) };
         match scored {
             Ok((scores, output)) => {

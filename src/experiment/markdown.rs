@@ -3,6 +3,8 @@
 //! A document marks the place with the lines `<!-- experiment NAME -->` and `<!-- /experiment NAME -->`; what stands between them
 //! is written by [`splice`], never by hand.
 
+use super::extras::STAGE_HEAD;
+use super::findings::{self, Why};
 use super::record::Record;
 use super::rows::ScoreTable;
 use super::spec::{ExperimentSpec, Kind, lower_is_better};
@@ -31,7 +33,14 @@ pub fn tables(spec: &ExperimentSpec, table: &ScoreTable) -> Result<String> {
     match spec.kind {
         Kind::Fit => fit(spec, &summaries, &systems, &seeds, &mut text),
         Kind::Ablation => ablation(spec, &summaries, &systems, &seeds, &mut text),
-        Kind::Neighbours | Kind::Sparse => areas(spec, &summaries, &systems, &seeds, &mut text),
+        Kind::Neighbours | Kind::Sparse | Kind::Cost => {
+            areas(spec, &summaries, &systems, &seeds, &mut text);
+            losses(spec, table, &summaries, &mut text)?;
+        }
+        Kind::Exemplar => exemplars(spec, &summaries, &seeds, &mut text)?,
+        Kind::Exchange | Kind::Drawings | Kind::Invariance | Kind::Disentanglement => {
+            general(spec, &summaries, &seeds, &mut text)?;
+        }
     }
     Ok(text)
 }
@@ -175,6 +184,183 @@ fn ablation(
     }
 }
 
+/// Lost patches in a document.
+const LISTED: usize = 10;
+
+/// On which patches an interpolator wins, and what is special there.
+fn losses(
+    spec: &ExperimentSpec,
+    table: &ScoreTable,
+    summaries: &Summaries<'_>,
+    text: &mut String,
+) -> Result<()> {
+    if summaries.interpolators().is_empty() {
+        return Ok(());
+    }
+    let found = findings::losses(spec, table, summaries)?;
+    let highlight = spec.highlighted()?;
+    let _ = writeln!(
+        text,
+        "\nAn interpolator has the higher PSNR than `{highlight}` on {} of {} patches and sketches (mean over seeds).",
+        found.lost.len(),
+        found.all
+    );
+    let mean = |name: &str, why: Option<Why>| {
+        why.map(|w| {
+            format!(
+                "{name}: relief {:.0} m, lines on {:.1} % of the cells, {:.0} % of the squared error in the 8-cell border. ",
+                w.relief,
+                100.0 * w.line_share,
+                100.0 * w.border_share
+            )
+        })
+        .unwrap_or_default()
+    };
+    if found.lost.is_empty() {
+        return Ok(());
+    }
+    let means = format!("{}{}", mean("Lost", found.of_lost), mean("Won", found.of_won));
+    let _ = writeln!(text, "{}\n", means.trim_end());
+    row(
+        text,
+        &["area", "patch", "sketch", "dB", "who", "relief, m", "lines, %", "error in the border, %"]
+            .map(str::to_owned),
+    );
+    row(text, &vec!["---".to_owned(); 8]);
+    for loss in found.lost.iter().take(LISTED) {
+        let w = loss.why;
+        row(
+            text,
+            &[
+                loss.area.clone(),
+                format!("{}, {}", loss.patch.0, loss.patch.1),
+                loss.sketch.clone(),
+                format!("{:.2}", loss.margin),
+                loss.winner.clone(),
+                format!("{:.0}", w.relief),
+                format!("{:.1}", 100.0 * w.line_share),
+                format!("{:.0}", 100.0 * w.border_share),
+            ],
+        );
+    }
+    Ok(())
+}
+
+/// A row a terrain: how much depends on which patch is the exemplar.
+fn exemplars(spec: &ExperimentSpec, summaries: &Summaries<'_>, seeds: &str, text: &mut String) -> Result<()> {
+    let taught = findings::taught(spec, summaries)?;
+    let what = if summaries.interpolators().is_empty() {
+        "PSNR"
+    } else {
+        "PSNR above the best interpolator of each patch"
+    };
+    let _ = writeln!(
+        text,
+        "`{}`: {what}, dB, mean over all other patches and {seeds}, with every patch as the exemplar in turn:\n",
+        spec.highlighted()?
+    );
+    let heads = ["terrain", "exemplars", "worst", "median", "best", "standard deviation", "best exemplar"];
+    row(text, &heads.map(str::to_owned));
+    row(text, &vec!["---".to_owned(); heads.len()]);
+    let mut terrains: Vec<&str> = Vec::new();
+    for t in &taught {
+        if !terrains.contains(&t.terrain.as_str()) {
+            terrains.push(&t.terrain);
+        }
+    }
+    for terrain in terrains {
+        let mut of: Vec<_> = taught.iter().filter(|t| t.terrain == terrain).collect();
+        of.sort_by(|a, b| a.score.total_cmp(&b.score));
+        let Some(stat) = Stat::of(&of.iter().map(|t| t.score).collect::<Vec<_>>()) else { continue };
+        let (worst, best) = (of[0], of[of.len() - 1]);
+        row(
+            text,
+            &[
+                terrain.to_owned(),
+                of.len().to_string(),
+                format!("{:.2}", worst.score),
+                format!("{:.2}", of[of.len() / 2].score),
+                format!("{:.2}", best.score),
+                format!("{:.2}", stat.sd),
+                best.area.clone(),
+            ],
+        );
+    }
+    Ok(())
+}
+
+/// A row for each sketch and system, the mean of all areas.
+fn general(spec: &ExperimentSpec, summaries: &Summaries<'_>, seeds: &str, text: &mut String) -> Result<()> {
+    let areas: Vec<&str> = spec.area.iter().map(|a| a.name.as_str()).collect();
+    let _ = writeln!(text, "Mean of {} ({seeds}):\n", areas.join(", "));
+    let mut heads = vec!["sketch".to_owned(), "system".to_owned()];
+    heads.extend(
+        spec.metrics
+            .iter()
+            .map(|m| format!("{m}{}", if lower_is_better(m) { " (less is better)" } else { "" })),
+    );
+    if spec.kind == Kind::Exchange {
+        heads.insert(0, "style".to_owned());
+    }
+    row(text, &heads);
+    row(text, &vec!["---".to_owned(); heads.len()]);
+    let styles: Vec<Option<&str>> =
+        if spec.kind == Kind::Exchange { areas.iter().map(|a| Some(*a)).collect() } else { vec![None] };
+    for style in styles {
+        for sketch in spec.sketches() {
+            for system in spec.systems()? {
+                let mut line: Vec<String> = style.map(str::to_owned).into_iter().collect();
+                line.extend([sketch.name.clone(), format!("`{system}`")]);
+                for metric in &spec.metrics {
+                    let stat = match style {
+                        Some(area) => summaries.of_area(&system, area, &sketch.name, metric),
+                        None => summaries.of_all(&system, &sketch.name, metric),
+                    };
+                    line.push(stat.map_or_else(|| "-".to_owned(), |s| short(s.mean)));
+                }
+                row(text, &line);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Four digits behind the point, or a power of ten for what would vanish.
+fn short(value: f64) -> String {
+    if value != 0.0 && value.abs() < 1e-3 { format!("{value:.1e}") } else { format!("{value:.4}") }
+}
+
+/// What tells a good exemplar; empty for other kinds.
+fn rules(spec: &ExperimentSpec, table: &ScoreTable, record: &Record) -> Result<String> {
+    let rules = findings::rules(spec, &Summaries::new(spec, table)?, record)?;
+    let mut text = String::new();
+    if rules.is_empty() {
+        return Ok(text);
+    }
+    text.push_str("\nWhat tells a good exemplar before any training (rank correlation with the score, mean over terrains; gain: the score of the exemplar so chosen above the mean):\n\n");
+    row(&mut text, &["statistic", "correlation", "terrains", "gain, dB"].map(str::to_owned));
+    row(&mut text, &vec!["---".to_owned(); 4]);
+    for rule in rules {
+        let cells =
+            [format!("{:+.2}", rule.correlation), rule.terrains.to_string(), format!("{:+.2}", rule.gain)];
+        row(&mut text, &[vec![rule.statistic], cells.to_vec()].concat());
+    }
+    Ok(text)
+}
+
+/// Seconds of each stage; empty for other kinds.
+fn stages(record: &Record) -> Result<String> {
+    let mut text = String::new();
+    for (name, title) in [("stages.csv", "Here"), ("peers.csv", "Others on this machine")] {
+        let Some(rows) = record.table(name, &STAGE_HEAD)? else { continue };
+        let _ = writeln!(text, "\n{title}, seconds and peak memory of the process up to then:\n");
+        row(&mut text, &["stage", "system", "n", "s", "MB"].map(str::to_owned));
+        row(&mut text, &vec!["---".to_owned(); 5]);
+        rows.iter().for_each(|cells| row(&mut text, cells));
+    }
+    Ok(text)
+}
+
 fn row(text: &mut String, cells: &[String]) {
     let _ = writeln!(text, "| {} |", cells.join(" | "));
 }
@@ -185,7 +371,8 @@ fn row(text: &mut String, cells: &[String]) {
 /// When the record is not finished or cannot be read.
 pub fn of_record(record: &Record) -> Result<String> {
     let machine = record.machine()?;
-    let tables = tables(&record.spec()?, &record.scores()?)?;
+    let (spec, scores) = (record.spec()?, record.scores()?);
+    let tables = format!("{}{}{}", tables(&spec, &scores)?, rules(&spec, &scores, record)?, stages(record)?);
     let revision = if machine.revision.is_empty() { "an unknown revision" } else { &machine.revision };
     Ok(format!("{}\nRevision {revision}.\n", tables.trim_end()))
 }

@@ -5,10 +5,16 @@
 //! folder -> [`report`](report::write). The format of the file and of the record is in `docs/experiments.md`.
 
 pub mod bounds;
+mod by_kind;
 mod evaluation;
 pub mod markdown;
 mod overlay;
+mod extras;
+pub mod findings;
 mod fit;
+mod gallery;
+mod measure;
+mod moved;
 mod patches;
 mod pictures;
 pub mod record;
@@ -17,6 +23,7 @@ pub mod resolve;
 pub mod rows;
 pub mod run;
 pub mod spec;
+mod states;
 pub mod summary;
 mod table;
 mod validate;

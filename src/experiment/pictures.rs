@@ -1,36 +1,37 @@
 //! Pictures of a few patches of an experiment: where the system it is about does worst and best against the interpolators.
 
-use super::evaluation::{Rebuilt, evaluate};
+use super::evaluation::Rebuilt;
+use super::gallery::{self, SystemsOf};
+use super::measure::{Measured, rebuilt};
 use super::record::Record;
-use super::resolve::{Area, Resolved};
+use super::resolve::Resolved;
 use super::rows::ScoreTable;
-use super::run::evaluation_config;
 use super::spec::{Kind, SketchSpec};
 use crate::dem::Dem;
 use crate::error::Result;
 use crate::file;
 use crate::grid::{Cell, Grid};
-use crate::seed::Seed;
-use crate::systems::registry::Named;
 use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Sheet};
 
 /// Pixels a cell.
-const SCALE: usize = 2;
+pub(super) const SCALE: usize = 2;
 /// Panels a row.
 const COLUMNS: usize = 4;
 
 /// Draws them into the record's `pictures`, named so that their order is that of the report.
-pub(super) fn write(
-    resolved: &Resolved,
-    record: &Record,
-    systems: &dyn Fn(&Area, u64) -> Result<Vec<Named>>,
-) -> Result<()> {
+pub(super) fn write(resolved: &Resolved, record: &Record, systems: SystemsOf<'_>) -> Result<()> {
     let spec = &resolved.spec;
     file::remove(&record.path("pictures"))?;
-    if spec.kind == Kind::Fit {
+    if matches!(spec.kind, Kind::Fit | Kind::Disentanglement) {
         return Ok(());
     }
     file::create_folder(&record.path("pictures"))?;
+    if spec.kind == Kind::Sparse || spec.kind == Kind::Exchange || !spec.kind.has_truth() {
+        gallery::write(resolved, record, systems)?;
+    }
+    if spec.kind == Kind::Exchange || !spec.kind.has_truth() {
+        return Ok(());
+    }
     let table = record.scores()?;
     let (seed, sketches, highlight) = (spec.seeds[0], spec.sketches(), spec.highlighted()?);
     let interpolators = spec.interpolator_names()?;
@@ -52,15 +53,15 @@ pub(super) fn write(
             else {
                 break;
             };
-            let config = evaluation_config(spec, sketch);
-            let rebuilt = evaluate(&area.dem, &[cell], &systems, &config, Seed(seed), true, || {})?;
-            let Some(patch) = rebuilt.patches.first() else { continue };
+            let (rows, patches) = rebuilt(resolved, area, cell, sketch, &systems.named, seed, true)?;
+            let Some(patch) = patches.first() else { continue };
             let caption = |system: &str| {
-                let row = rebuilt.rows.iter().find(|row| row.system == system);
-                row.and_then(|r| r.scores.as_ref()).map_or_else(
-                    || system.to_owned(),
-                    |s| format!("{system}: SSIM {:.3}, {:.1} dB", s.ssim, s.psnr),
-                )
+                let row: Option<&Measured> = rows.iter().find(|row| row.system == system);
+                let value = |name| row?.values.iter().find(|(n, _)| *n == name).and_then(|(_, v)| *v);
+                match (value("ssim"), value("psnr")) {
+                    (Some(ssim), Some(psnr)) => format!("{system}: SSIM {ssim:.3}, {psnr:.1} dB"),
+                    _ => system.to_owned(),
+                }
             };
             let against = if interpolators.is_empty() { "PSNR" } else { "PSNR above the best interpolator" };
             let title = format!(
@@ -125,6 +126,6 @@ fn sheet(patch: &Rebuilt, area: &Dem, title: &str, caption: impl Fn(&str) -> Str
 }
 
 /// A name as a part of a file's name.
-fn plain(name: &str) -> String {
+pub(super) fn plain(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }

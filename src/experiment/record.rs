@@ -8,9 +8,11 @@
 //! | `styles/` | the trained styles, by a hash of configuration, exemplar and seed |
 //! | `scores.csv` | all rows in the experiment's order; the same bytes in every run |
 //! | `timings.csv`, `training.csv` | seconds of every row, and of every training |
+//! | `exemplars.csv`, `states.csv`, `stages.csv` | what some kinds know beside the scores  |
 //! | `pictures/`, `plots/` | PNG of a few patches, SVG of the scores |
 //! | `report.html` | all of it to be read |
 
+use super::extras::STAGE_HEAD;
 use super::rows::{Key, ScoreRow, ScoreTable, csv_lines};
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
@@ -131,8 +133,18 @@ impl Record {
         let here = MachineInfo::here();
         let path = self.path("resolved.toml");
         if restart {
-            for name in ["journal.csv", "machine.toml", "styles", "scores.csv", "timings.csv", "training.csv"]
-            {
+            for name in [
+                "journal.csv",
+                "machine.toml",
+                "styles",
+                "scores.csv",
+                "timings.csv",
+                "training.csv",
+                "exemplars.csv",
+                "states.csv",
+                "stages.csv",
+                "peers.csv",
+            ] {
                 file::remove(&self.path(name))?;
             }
         } else if path.exists() && self.path("journal.csv").exists() {
@@ -323,6 +335,52 @@ impl Record {
             })
         };
         reader.records().enumerate().map(row).collect()
+    }
+
+    /// Writes a table beside the scores.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write_table(&self, name: &str, head: &[&str], rows: Vec<Vec<String>>) -> Result<()> {
+        let head = head.iter().map(|&name| name.to_owned()).collect();
+        file::write_bytes(&self.path(name), csv_lines(std::iter::once(head).chain(rows)).as_bytes())
+    }
+
+    /// The rows of a table beside the scores, without its head; none when the record has no such table.
+    ///
+    /// # Errors
+    /// When the file cannot be read or a line has not as many fields as `head`.
+    pub fn table(&self, name: &str, head: &[&str]) -> Result<Option<Vec<Vec<String>>>> {
+        let path = self.path(name);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let text = self.text(name)?;
+        let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+        let bad = |line: usize, found: &dyn std::fmt::Display| {
+            Error::file(&path, format!("line {line}"), found, format!("allowed: {}", head.join(",")))
+        };
+        let row = |(i, line): (usize, csv::Result<csv::StringRecord>)| {
+            let line = line.map_err(|e| bad(i + 2, &e))?;
+            let fields: Vec<String> = line.iter().map(str::to_owned).collect();
+            if fields.len() == head.len() { Ok(fields) } else { Err(bad(i + 2, &fields.join(","))) }
+        };
+        reader.records().enumerate().map(row).collect::<Result<_>>().map(Some)
+    }
+
+    /// Takes seconds and memory that others measured into the record: a CSV file with the columns of `stages.csv`.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not such a table.
+    pub fn add_peers(&self, path: &Path) -> Result<()> {
+        let text = String::from_utf8(file::read_whole(path, LARGEST)?)
+            .map_err(|e| Error::file(path, "text", e, "allowed: UTF-8"))?;
+        let head = text.lines().next().unwrap_or_default().trim();
+        if head != STAGE_HEAD.join(",") {
+            return Err(Error::file(path, "line 1", head, format!("allowed: {}", STAGE_HEAD.join(","))));
+        }
+        file::write_bytes(&self.path("peers.csv"), text.as_bytes())?;
+        self.table("peers.csv", &STAGE_HEAD).map(|_| ())
     }
 
     /// Files of a folder of the record, in the order of their names.

@@ -3,10 +3,12 @@
 //! Everything on the page comes from the record's files, so that it can be made again without running anything.
 
 use super::bounds;
+use super::by_kind;
+use super::findings;
 use super::record::{MachineInfo, Record, TrainingRow};
 use super::rows::ScoreTable;
-use super::spec::{ExperimentSpec, lower_is_better};
-use super::summary::{Stat, Summaries, difference, of_patches};
+use super::spec::{ExperimentSpec, Kind, lower_is_better};
+use super::summary::{Stat, Summaries};
 use crate::error::Result;
 use crate::file;
 use crate::viz::Picture;
@@ -36,15 +38,15 @@ pub fn write(record: &Record) -> Result<PathBuf> {
     Ok(path)
 }
 
-struct Page<'a> {
-    spec: &'a ExperimentSpec,
-    summaries: Summaries<'a>,
+pub(super) struct Page<'a> {
+    pub(super) spec: &'a ExperimentSpec,
+    pub(super) summaries: Summaries<'a>,
     table: &'a ScoreTable,
-    record: &'a Record,
+    pub(super) record: &'a Record,
 }
 
 /// The name of a score with its unit and how it is to be read.
-fn title(metric: &str) -> String {
+pub(super) fn title(metric: &str) -> String {
     match metric {
         "ssim" => "SSIM".to_owned(),
         "psnr" => "PSNR, dB".to_owned(),
@@ -58,7 +60,7 @@ fn title(metric: &str) -> String {
     }
 }
 
-fn decimals(metric: &str) -> usize {
+pub(super) fn decimals(metric: &str) -> usize {
     match metric {
         m if m.ends_with("psnr") || m == "spectrum_distance" => 2,
         m if m.contains("l_g") => 6,
@@ -83,10 +85,19 @@ impl Page<'_> {
         if !spec.printed.is_empty() {
             report = report.table(&self.printed()?);
         }
-        for sketch in spec.sketches() {
-            report = self.scores(report, &sketch.name)?;
+        let by_sketch = spec.kind.has_truth() && spec.kind != Kind::Exchange;
+        if by_sketch {
+            for sketch in spec.sketches() {
+                report = self.scores(report, &sketch.name)?;
+            }
+        } else {
+            report = by_kind::general(self, report)?;
         }
-        if spec.sketches().len() > 1 {
+        report = by_kind::printed_plots(self, report)?;
+        report = by_kind::exemplars(self, report)?;
+        report = by_kind::states(self, report)?;
+        report = by_kind::stages(self, report)?;
+        if by_sketch && spec.sketches().len() > 1 {
             report = report.section("From dense to thin sketches");
             for metric in spec.metrics.iter().take(2) {
                 if let Some(plot) = self.thinning(metric)? {
@@ -287,30 +298,30 @@ impl Page<'_> {
 
     /// Patches on which an interpolator has the higher PSNR, the worst first.
     fn lost(&self) -> Result<Option<Table>> {
-        if self.summaries.interpolators().is_empty() {
+        if self.summaries.interpolators().is_empty() || self.table.column("psnr").is_none() {
             return Ok(None);
         }
-        let highlight = self.spec.highlighted()?;
-        let mut lost: Vec<(f64, String, usize, usize, String)> = Vec::new();
-        let mut all = 0;
-        for (area, sketch) in
-            self.spec.area.iter().flat_map(|a| self.spec.sketches().into_iter().map(move |s| (a, s.name)))
-        {
-            let own = self.summaries.cells(&highlight, &area.name, &sketch, "psnr");
-            let best = self.summaries.best_of_each(&area.name, &sketch, "psnr");
-            for ((row, col), margin) in of_patches(&difference(&own, &best)) {
-                all += 1;
-                if margin < 0.0 {
-                    lost.push((margin, area.name.clone(), row, col, sketch.clone()));
-                }
-            }
-        }
-        lost.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let shown = lost.len().min(LISTED);
+        let found = findings::losses(self.spec, self.table, &self.summaries)?;
+        let mean = |name: &str, why: Option<findings::Why>| {
+            let words = |w: findings::Why| {
+                format!(
+                    " {name} patches have a mean relief of {:.0} m, lines on {:.1} % of their cells and {:.0} % of the squared error \
+                     in the border.",
+                    w.relief,
+                    100.0 * w.line_share,
+                    100.0 * w.border_share
+                )
+            };
+            why.map(words).unwrap_or_default()
+        };
         let caption = format!(
-            "{} of {all} patches on which an interpolator has the higher PSNR than {highlight} (mean over seeds); the {shown} widest \
-             margins.",
-            lost.len()
+            "{} of {} patches on which an interpolator has the higher PSNR than {} (mean over seeds); the {} widest margins.{}{}",
+            found.lost.len(),
+            found.all,
+            self.spec.highlighted()?,
+            found.lost.len().min(LISTED),
+            mean("Lost", found.of_lost),
+            mean("Won", found.of_won)
         );
         let heads = [
             Column::text("Area"),
@@ -318,21 +329,21 @@ impl Page<'_> {
             Column::text("Sketch"),
             Column::number("Margin", 2).unit("dB"),
             Column::text("Best interpolator there"),
+            Column::number("Relief", 0).unit("m"),
+            Column::number("Line cells", 1).unit("%"),
+            Column::number("Error in the border", 0).unit("%"),
         ];
         let mut table = Table::new(heads).caption(caption);
-        for (margin, area, row, col, sketch) in lost.iter().take(LISTED) {
-            let at = |name: &String| {
-                let patches = of_patches(&self.summaries.cells(name, area, sketch, "psnr"));
-                Some((name.clone(), *patches.get(&(*row, *col))?))
-            };
-            let best = self.summaries.interpolators().iter().filter_map(at);
-            let best = best.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(name, _)| name).unwrap_or_default();
+        for loss in found.lost.iter().take(LISTED) {
             table = table.row([
-                Entry::from(area.as_str()),
-                Entry::from(format!("{row}, {col}")),
-                Entry::from(sketch.as_str()),
-                Entry::from(*margin),
-                Entry::from(best),
+                Entry::from(loss.area.as_str()),
+                Entry::from(format!("{}, {}", loss.patch.0, loss.patch.1)),
+                Entry::from(loss.sketch.as_str()),
+                Entry::from(loss.margin),
+                Entry::from(loss.winner.as_str()),
+                Entry::from(loss.why.relief),
+                Entry::from(100.0 * loss.why.line_share),
+                Entry::from(100.0 * loss.why.border_share),
             ]);
         }
         Ok(Some(table))
@@ -343,9 +354,18 @@ impl Page<'_> {
         if files.is_empty() {
             return Ok(report);
         }
-        report = report.section("Pictures").paragraph(
-            "Of each area in turn the patch with the worst and the best margin to the interpolators. Numbers are of the first seed.",
-        );
+        let words = match self.spec.kind {
+            Kind::Drawings => "A sheet for each drawing and style, of the first seed.",
+            Kind::Exchange => "The first seed.",
+            Kind::Invariance => {
+                "Of each area the first patch: lines as moved, and their terrain as it came. The first seed."
+            }
+            _ => {
+                "Of each area in turn the patch with the worst and the best margin to the interpolators. Numbers are of the first \
+                 seed."
+            }
+        };
+        report = report.section("Pictures").paragraph(words);
         for path in files {
             let picture = Picture::from_png(&file::read_whole(&path, LARGEST_PICTURE)?)
                 .map_err(|e| e.in_file(&path))?;
@@ -356,7 +376,7 @@ impl Page<'_> {
     }
 
     /// Writes a plot beside the page and gives it back.
-    fn kept(&self, plot: Svg, name: &str) -> Result<Svg> {
+    pub(super) fn kept(&self, plot: Svg, name: &str) -> Result<Svg> {
         plot.write(&self.record.path("plots").join(format!("{name}.svg")))?;
         Ok(plot)
     }
@@ -392,6 +412,6 @@ fn trainings(rows: &[TrainingRow]) -> Table {
     table
 }
 
-fn plain(name: &str) -> String {
+pub(super) fn plain(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }

@@ -3,9 +3,9 @@
 use super::patches::{PATCH, choose_exemplar, patch_cells};
 use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
 use crate::dem::manifest::Manifest;
-use crate::dem::{Dem, bundled};
+use crate::dem::{CellSize, Dem, bundled};
 use crate::error::{Error, Result};
-use crate::grid::Cell;
+use crate::grid::{Cell, Grid};
 use crate::systems::region_gnn::Source;
 use crate::systems::region_gnn::style::fingerprint;
 use std::path::Path;
@@ -81,13 +81,15 @@ pub struct Resolved {
 pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     spec.validate()?;
     let mut spec = spec.clone();
+    if spec.kind == Kind::Exemplar {
+        spec.area = every_exemplar(&spec, terrain)?;
+    }
     let areas: Vec<Area> = spec.area.iter().map(|area| load(&spec, area, terrain)).collect::<Result<_>>()?;
     for (area, entry) in areas.iter().zip(&mut spec.area) {
         let e = &area.source.info;
         entry.exemplar = Some(vec![e.row, e.col, e.rows]);
         entry.fingerprint = Some(e.source_sha256.clone());
-        entry.patches =
-            (spec.kind != Kind::Fit).then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
+        entry.patches = has_patches(spec.kind).then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
     }
     let full = |style: &StyleSpec| -> Result<StyleSpec> {
         Ok(StyleSpec {
@@ -106,15 +108,71 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     if spec.kind == Kind::Ablation {
         spec.baseline = spec.baseline.or_else(|| spec.highlight.clone());
     }
-    if spec.kind != Kind::Fit {
+    if !matches!(spec.kind, Kind::Fit | Kind::Exchange) {
         spec.sketch = spec.sketches();
-        for sketch in &mut spec.sketch {
+        for sketch in spec.sketch.iter_mut().filter(|sketch| sketch.drawing.is_none()) {
             sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
             sketch.accumulation = Some(sketch.accumulation.unwrap_or(spec.extraction.min_accumulation));
         }
     }
     spec.validate()?;
     Ok(Resolved { spec, areas })
+}
+
+/// Whether an experiment tests on patches beside the exemplar.
+fn has_patches(kind: Kind) -> bool {
+    !matches!(kind, Kind::Fit | Kind::Drawings)
+}
+
+/// The terrain of an area, as coarse as the area says.
+fn terrain_of(entry: &AreaSpec, terrain: &Terrain) -> Result<Dem> {
+    let dem = terrain.load(entry.terrain.as_deref().unwrap_or(&entry.name))?;
+    match entry.coarser {
+        Some(factor) if factor > 1 => coarsened(&dem, factor),
+        _ => Ok(dem),
+    }
+}
+
+/// Means of `factor` x `factor` cells; void where one of them is. What is left at the south and east is cut off.
+fn coarsened(dem: &Dem, factor: usize) -> Result<Dem> {
+    let (rows, cols) = (dem.shape().0 / factor, dem.shape().1 / factor);
+    if rows == 0 || cols == 0 {
+        return Err(Error::value("coarser", factor, format!("the terrain has {:?} cells", dem.shape())));
+    }
+    let inside = move |cell: Cell| {
+        let (row, col) = (cell.row * factor, cell.col * factor);
+        (0..factor * factor).map(move |i| Cell::new(row + i / factor, col + i % factor))
+    };
+    let valid = Grid::from_fn(rows, cols, |cell| inside(cell).all(|c| dem.valid()[c]));
+    let heights = Grid::from_fn(rows, cols, |cell| {
+        let sum: f64 = inside(cell).map(|c| f64::from(dem.heights()[c])).sum();
+        (sum / (factor * factor) as f64) as f32
+    });
+    let size = dem.cell_size();
+    let size = CellSize::new(size.x() * factor as f64, size.y() * factor as f64)?;
+    Dem::with_voids(heights, valid, size)
+}
+
+/// An area for every patch that can be the exemplar, where the file names none.
+fn every_exemplar(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Vec<AreaSpec>> {
+    let mut all = Vec::new();
+    for entry in &spec.area {
+        if entry.exemplar.is_some() {
+            all.push(entry.clone());
+            continue;
+        }
+        let dem = terrain_of(entry, terrain)?;
+        let known = |cell: &Cell| dem.crop(*cell, PATCH, PATCH).is_ok_and(|p| p.range().0 < p.range().1);
+        for cell in patch_cells(&dem).into_iter().filter(known) {
+            all.push(AreaSpec {
+                name: format!("{}-{}-{}", entry.name, cell.row, cell.col),
+                terrain: Some(entry.terrain.clone().unwrap_or_else(|| entry.name.clone())),
+                exemplar: Some(vec![cell.row, cell.col]),
+                ..entry.clone()
+            });
+        }
+    }
+    Ok(all)
 }
 
 fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Area> {
@@ -124,7 +182,7 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         }
         other => other,
     };
-    let dem = terrain.load(&entry.name)?;
+    let dem = terrain_of(entry, terrain)?;
     let found = fingerprint(&dem);
     if let Some(meant) = entry.fingerprint.as_ref().filter(|meant| **meant != found) {
         let allowed = format!("the experiment means terrain with {meant}");
@@ -136,10 +194,10 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
     };
     let source = Source::new(&entry.name, &dem, origin, side, side).map_err(in_area)?;
-    let patches = if spec.kind == Kind::Fit {
-        Vec::new()
-    } else {
+    let patches = if has_patches(spec.kind) {
         patches(spec, entry, &dem, origin, side).map_err(in_area)?
+    } else {
+        Vec::new()
     };
     Ok(Area { name: entry.name.clone(), dem, source, patches })
 }

@@ -3,12 +3,12 @@
 //! In: a [`Resolved`] experiment and a folder. Out: the record ([`Record`]). The scores do not depend on the number of jobs
 //! or threads, nor on how often the run was interrupted. Cost: the trainings, each with the memory of one.
 
-use super::evaluation::{EvaluationConfig, evaluate};
-use super::fit;
+use super::measure::{Systems, home_of, measure};
 use super::record::{Record, Session, Timed, TrainingRow};
 use super::resolve::{Area, Resolved};
 use super::rows::{Key, ScoreRow};
 use super::spec::{ExperimentSpec, Kind, SketchSpec, StyleSpec};
+use super::{extras, fit};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::Cell;
@@ -16,7 +16,7 @@ use crate::machine;
 use crate::seed::Seed;
 use crate::systems::region_gnn::style::{StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Style};
-use crate::systems::registry::{self, Named};
+use crate::systems::registry;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -105,11 +105,13 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     let columns = spec.columns();
     let finished = record.journal(columns.len())?;
 
+    let first = if spec.kind == Kind::Cost { extras::preparation(resolved)? } else { Vec::new() };
     let wanted = wanted(resolved, &record)?;
     let (styles, trained) = train_all(&wanted, options.jobs, watch)?;
     let trainings: Vec<TrainingRow> =
         wanted.iter().zip(&styles).map(|(wanted, style)| training_row(wanted, style)).collect();
     record.write_training(&trainings)?;
+    let peak_of_training = machine::peak_memory();
 
     let plan = Plan { resolved, columns: &columns, wanted: &wanted, styles: &styles, record: &record };
     let (rows, scored) = plan.score_all(finished, watch)?;
@@ -123,6 +125,14 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
         peak_memory_mb: machine::peak_memory().unwrap_or_default() / 1_000_000,
     });
     record.write_machine(&machine)?;
+    match spec.kind {
+        Kind::Exemplar => extras::exemplars(resolved, &record)?,
+        Kind::Cost => extras::stages(&record, first, &trainings, peak_of_training, &rows)?,
+        Kind::Disentanglement => {
+            extras::places(resolved, &record, &|area, seed| plan.systems(area, seed, true))?
+        }
+        _ => {}
+    }
     if spec.pictures > 0 {
         super::pictures::write(resolved, &record, &|area, seed| plan.systems(area, seed, true))?;
     }
@@ -267,26 +277,40 @@ impl Plan<'_> {
     }
 
     /// The trained styles of an area and seed.
-    fn styles_of(&self, area: &Area, seed: u64) -> impl Iterator<Item = (&StyleSpec, &Trained)> {
+    fn styles_of(&self, area: &Area, seed: u64) -> impl Iterator<Item = (&StyleSpec, &Trained)> + use<'_> {
         let all = self.wanted.iter().zip(self.styles);
         let name = area.name.clone();
         all.filter(move |(w, _)| w.area.name == name && w.seed == seed).map(|(w, style)| (w.style, style))
     }
 
     /// The systems of an area and seed by the names that they have in the scores, those of failed trainings left out.
-    fn systems(&self, area: &Area, seed: u64, with_interpolators: bool) -> Result<Vec<Named>> {
-        let mut systems: Vec<Named> = Vec::new();
+    fn systems(&self, area: &Area, seed: u64, with_interpolators: bool) -> Result<Systems<'_>> {
+        let mut systems = Systems { named: Vec::new(), styles: Vec::new() };
         for (spec, style) in self.styles_of(area, seed) {
             let Ok(style) = style else { continue };
             let uses = self.spec().uses(spec)?;
-            let named = registry::trained(style).into_iter().filter(|(name, _)| uses.contains(name));
-            systems.extend(named.map(|(name, system)| (spec.label(&name), system)));
+            for (name, system) in registry::trained(style).into_iter().filter(|(name, _)| uses.contains(name))
+            {
+                systems.styles.push((spec.label(&name), style));
+                systems.named.push((spec.label(&name), system));
+            }
         }
         if with_interpolators {
             let names = self.spec().interpolator_names()?;
-            systems.extend(registry::interpolators().into_iter().filter(|(name, _)| names.contains(name)));
+            systems
+                .named
+                .extend(registry::interpolators().into_iter().filter(|(name, _)| names.contains(name)));
         }
         Ok(systems)
+    }
+
+    /// The cells of an area that a sketch is taken of.
+    fn cells(&self, area: &Area, sketch: &SketchSpec) -> Vec<Cell> {
+        match self.spec().kind {
+            Kind::Fit => vec![Cell::new(area.source.info.row, area.source.info.col)],
+            Kind::Drawings => vec![Cell::new(0, 0)],
+            _ => home_of(self.resolved, area, sketch).patches.clone(),
+        }
     }
 
     /// All rows in the experiment's order, and how many were scored now.
@@ -299,15 +323,15 @@ impl Plan<'_> {
         let sketches = self.spec().sketches();
         let mut tasks: Vec<(&Area, Cell, &SketchSpec)> = Vec::new();
         for area in &self.resolved.areas {
-            let e = &area.source.info;
-            let cells = if self.spec().kind == Kind::Fit {
-                vec![Cell::new(e.row, e.col)]
-            } else {
-                area.patches.clone()
-            };
-            tasks.extend(
-                cells.iter().flat_map(|&cell| sketches.iter().map(move |sketch| (area, cell, sketch))),
-            );
+            let of: Vec<_> = sketches
+                .iter()
+                .flat_map(|sketch| self.cells(area, sketch).into_iter().map(move |cell| (area, cell, sketch)))
+                .collect();
+            // Patch by patch, as far as the sketches are of the same ones.
+            let place = |cell: Cell| of.iter().position(|task| task.1 == cell);
+            let mut sorted: Vec<_> = of.clone();
+            sorted.sort_by_key(|task| place(task.1));
+            tasks.extend(sorted);
         }
         let keys = |&(area, cell, sketch): &(&Area, Cell, &SketchSpec)| -> Vec<Key> {
             let key = |seed: u64, system: &String| Key {
@@ -364,8 +388,9 @@ impl Plan<'_> {
     /// The rows of one patch and sketch: every system with every seed. Interpolators draw nothing at random, so that their
     /// rows of the first seed are those of all.
     fn rebuild(&self, area: &Area, cell: Cell, sketch: &SketchSpec) -> Result<Vec<Timed>> {
-        let config = evaluation_config(self.spec(), sketch);
         let interpolators = self.spec().interpolator_names()?;
+        // Random lines of a drawing differ from seed to seed, and so does what is made of them.
+        let draws_anew = self.spec().kind == Kind::Drawings;
         let mut rows: Vec<Timed> = Vec::new();
         let mut shared: Vec<Timed> = Vec::new();
         for (i, &seed) in self.spec().seeds.iter().enumerate() {
@@ -385,30 +410,29 @@ impl Plan<'_> {
                     );
                 }
             }
-            let systems = self.systems(area, seed, i == 0)?;
-            let evaluation =
-                without_panic(|| evaluate(&area.dem, &[cell], &systems, &config, Seed(seed), false, || {}));
-            let evaluated = match evaluation {
-                Ok(evaluation) => evaluation.rows,
+            let systems = self.systems(area, seed, i == 0 || draws_anew)?;
+            let all = without_panic(|| measure(self.resolved, area, cell, sketch, &systems, seed));
+            let all = match all {
+                Ok(all) => all,
                 Err(error) => {
                     let failed = |name: &String| (self.failed(key(name), error.to_string()), 0.0);
-                    rows.extend(systems.iter().map(|(name, _)| failed(name)));
+                    rows.extend(systems.named.iter().map(|(name, _)| failed(name)));
                     Vec::new()
                 }
             };
-            for row in evaluated {
-                let scores = row.scores.as_ref();
-                let values = self.columns.iter().map(|name| {
-                    scores.and_then(|s| s.values().into_iter().find(|(n, _)| n == name).and_then(|(_, v)| v))
-                });
+            for one in all {
+                let value = |name: &&str| one.values.iter().find(|(n, _)| n == name).and_then(|(_, v)| *v);
                 let scored = ScoreRow {
-                    key: key(&row.system),
-                    relief: row.relief,
-                    line_share: row.line_share,
-                    values: values.collect(),
-                    error: row.error.unwrap_or_default(),
+                    key: key(&one.system),
+                    relief: one.relief,
+                    line_share: one.line_share,
+                    values: self.columns.iter().map(value).collect(),
+                    error: one.error,
                 };
-                rows.push((scored, row.seconds));
+                rows.push((scored, one.seconds));
+            }
+            if draws_anew {
+                continue;
             }
             if i == 0 {
                 shared =
@@ -468,13 +492,4 @@ fn without_panic<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
             "a fault of monadnock: please report it",
         ))
     })
-}
-
-/// How patches become the sketch.
-pub(super) fn evaluation_config(spec: &ExperimentSpec, sketch: &SketchSpec) -> EvaluationConfig {
-    EvaluationConfig {
-        extraction: spec.extraction.clone(),
-        sketch_order: sketch.order,
-        sketch_accumulation: sketch.accumulation,
-    }
 }

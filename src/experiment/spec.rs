@@ -28,6 +28,43 @@ pub enum Kind {
     Sparse,
     /// As `neighbours`, with variations of one style against a baseline.
     Ablation,
+    /// As `neighbours`, with every patch of an area as the exemplar in turn.
+    Exemplar,
+    /// As `neighbours`, with each area's style on the patches of all areas (Fig. 6).
+    Exchange,
+    /// Drawings without a truth, in several variants (Figs. 7, 20).
+    Drawings,
+    /// The same lines turned, mirrored and shifted (Fig. 15).
+    Invariance,
+    /// The states of ridge and valley regions after message passing (Fig. 13).
+    Disentanglement,
+    /// As `neighbours`, with the seconds of each stage (section 7).
+    Cost,
+}
+
+impl Kind {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Neighbours => "neighbours",
+            Self::Fit => "fit",
+            Self::Sparse => "sparse",
+            Self::Ablation => "ablation",
+            Self::Exemplar => "exemplar",
+            Self::Exchange => "exchange",
+            Self::Drawings => "drawings",
+            Self::Invariance => "invariance",
+            Self::Disentanglement => "disentanglement",
+            Self::Cost => "cost",
+        }
+    }
+
+    /// Whether a patch is rebuilt and scored against its truth.
+    #[must_use]
+    pub fn has_truth(self) -> bool {
+        !matches!(self, Self::Drawings | Self::Invariance | Self::Disentanglement)
+    }
 }
 
 /// An experiment.
@@ -112,6 +149,12 @@ pub struct StyleSpec {
 pub struct AreaSpec {
     /// Its name in a manifest, or that of a bundled tile.
     pub name: String,
+    /// The terrain by its name in a manifest or bundle, where `name` is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<String>,
+    /// Takes the means of so many by so many cells as the terrain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coarser: Option<usize>,
     /// Row and column of the exemplar's north-west cell, and its side if not 128; the most varied central patch when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exemplar: Option<Vec<usize>>,
@@ -123,8 +166,19 @@ pub struct AreaSpec {
     pub fingerprint: Option<String>,
 }
 
-/// Which lines of a patch the systems are given.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Which strokes of a sketch are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Choice {
+    /// The longest ones.
+    #[default]
+    Longest,
+    /// Drawn by the experiment's first seed, the same ones for every system and seed.
+    Random,
+}
+
+/// Which lines the systems are given.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SketchSpec {
     /// For tables: "order 3".
@@ -135,6 +189,30 @@ pub struct SketchSpec {
     /// Fewest cells that a line drains; those of `extraction` when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accumulation: Option<u32>,
+    /// Keeps at most so many strokes (lines between junctions).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strokes: Option<usize>,
+    /// Which ones; the longest when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub choose: Option<Choice>,
+    /// `drawings`: the bundled sample sketch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawing: Option<String>,
+    /// `drawings`: nodes of random lines (5.2); none when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random: Option<usize>,
+    /// `invariance`: degrees by which the lines are turned about the middle, counter-clockwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turn: Option<f64>,
+    /// `invariance`: west and east change places, before turning.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mirror: bool,
+    /// `invariance`: cells south and east by which the lines are moved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shift: Option<[i32; 2]>,
+    /// `invariance`: the parts move with the lines instead of being cut anew.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub same_parts: bool,
 }
 
 /// Over what a bound takes its mean.
@@ -229,8 +307,40 @@ pub const FIT_COLUMNS: [&str; 7] = [
     "train_ssim",
 ];
 
+/// What `exchange` adds to the scores: the output against the exemplar of its style.
+pub const STYLE_COLUMNS: [&str; 4] =
+    ["style_slope_ratio", "style_slope_distance", "style_curvature_distance", "style_spectrum_distance"];
+
+/// Scores of `drawings`, means over the variants.
+pub const DRAWING_COLUMNS: [&str; 13] = [
+    "diversity",
+    "stroke_height_error",
+    "drawn_ridge_recall",
+    "drawn_valley_recall",
+    "ridge_f1",
+    "valley_f1",
+    "roughness",
+    "pit_share",
+    "clipped_share",
+    STYLE_COLUMNS[0],
+    STYLE_COLUMNS[1],
+    STYLE_COLUMNS[2],
+    STYLE_COLUMNS[3],
+];
+
+/// Scores of `invariance`, unit heights: the terrain of the moved lines, moved back, against that of the lines.
+pub const INVARIANCE_COLUMNS: [&str; 2] = ["max_difference", "rms_difference"];
+
+/// Scores of `disentanglement`.
+pub const STATE_COLUMNS: [&str; 4] = ["kind_purity", "chance_purity", "kind_silhouette", "regions"];
+
 /// Scores of which less is better.
-const LOWER: [&str; 15] = [
+const LOWER: [&str; 20] = [
+    "style_slope_distance",
+    "style_curvature_distance",
+    "style_spectrum_distance",
+    "max_difference",
+    "rms_difference",
     "rmse",
     "clipped_share",
     "slope_distance",
@@ -283,8 +393,13 @@ impl ExperimentSpec {
     #[must_use]
     pub fn columns(&self) -> Vec<&'static str> {
         let mut columns = Scores::names().to_vec();
-        if self.kind == Kind::Fit {
-            columns.extend(FIT_COLUMNS);
+        match self.kind {
+            Kind::Fit => columns.extend(FIT_COLUMNS),
+            Kind::Exchange => columns.extend(STYLE_COLUMNS),
+            Kind::Drawings => return DRAWING_COLUMNS.to_vec(),
+            Kind::Invariance => return INVARIANCE_COLUMNS.to_vec(),
+            Kind::Disentanglement => return STATE_COLUMNS.to_vec(),
+            Kind::Neighbours | Kind::Sparse | Kind::Ablation | Kind::Exemplar | Kind::Cost => {}
         }
         columns
     }
@@ -366,12 +481,15 @@ impl ExperimentSpec {
         style_config(&base, [&self.overrides, &style.set]).map_err(named)
     }
 
-    /// The sketches; the one of `extraction` when none is named.
+    /// The sketches; the one of `extraction` when none is named. For `exchange` one for each area, called as it is.
     #[must_use]
     pub fn sketches(&self) -> Vec<SketchSpec> {
+        let called = |name: &str| SketchSpec { name: name.to_owned(), ..SketchSpec::default() };
+        if self.kind == Kind::Exchange {
+            return self.area.iter().map(|area| called(&area.name)).collect();
+        }
         if self.sketch.is_empty() {
-            let name = if self.kind == Kind::Fit { "exemplar" } else { "dense" };
-            return vec![SketchSpec { name: name.to_owned(), order: None, accumulation: None }];
+            return vec![called(if self.kind == Kind::Fit { "exemplar" } else { "dense" })];
         }
         self.sketch.clone()
     }

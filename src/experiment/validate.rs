@@ -1,7 +1,8 @@
 //! The checks of an experiment that need no terrain; every complaint names the key, the value and what is allowed.
 
-use super::spec::{Against, Bound, ExperimentSpec, Kind, Scope};
+use super::spec::{Against, Bound, ExperimentSpec, Kind, Scope, SketchSpec};
 use crate::error::{Error, Result};
+use crate::sketch::samples;
 use std::collections::BTreeSet;
 
 pub(super) fn validate(spec: &ExperimentSpec) -> Result<()> {
@@ -28,6 +29,13 @@ pub(super) fn validate(spec: &ExperimentSpec) -> Result<()> {
     styles(spec)?;
     areas(spec)?;
     sketches(spec)?;
+    if spec.kind == Kind::Drawings && spec.sketch.is_empty() {
+        return Err(Error::value("number of sketches", 0, "kind = \"drawings\" needs at least one drawing"));
+    }
+    if spec.kind == Kind::Disentanglement && !spec.interpolators.is_empty() {
+        let allowed = "not for kind = \"disentanglement\": interpolators have no region states";
+        return Err(Error::value("interpolators", "given", allowed));
+    }
     let systems = spec.systems()?;
     once("names of systems", systems.iter())?;
     for (key, name) in [("highlight", &spec.highlight), ("baseline", &spec.baseline)] {
@@ -88,13 +96,13 @@ fn areas(spec: &ExperimentSpec) -> Result<()> {
                 "allowed: [row, column] or [row, column, side]",
             ));
         }
+        if let Some(factor) = area.coarser.filter(|factor| !(1..=64).contains(factor)) {
+            return Err(Error::value(name("coarser"), factor, "allowed: 1 to 64"));
+        }
         if let Some(patches) = &area.patches {
-            if spec.kind == Kind::Fit {
-                return Err(Error::value(
-                    name("patches"),
-                    "given",
-                    "not for kind = \"fit\": it tests the exemplars",
-                ));
+            if matches!(spec.kind, Kind::Fit | Kind::Drawings) {
+                let allowed = format!("not for kind = {:?}: it has no test patches", spec.kind.name());
+                return Err(Error::value(name("patches"), "given", allowed));
             }
             some(&name("patches"), patches)?;
             once(&name("patches"), patches.iter().map(|p| format!("{p:?}")))?;
@@ -118,6 +126,10 @@ fn sketches(spec: &ExperimentSpec) -> Result<()> {
             "kind = \"sparse\" compares at least 2",
         ));
     }
+    if spec.kind == Kind::Exchange && !spec.sketch.is_empty() {
+        let allowed = "not for kind = \"exchange\": its sketches are those of the areas";
+        return Err(Error::value("number of sketches", spec.sketch.len(), allowed));
+    }
     once("sketch names", spec.sketch.iter().map(|s| &s.name))?;
     for sketch in &spec.sketch {
         let mut extraction = spec.extraction.clone();
@@ -130,9 +142,48 @@ fn sketches(spec: &ExperimentSpec) -> Result<()> {
             other => other,
         };
         extraction.validate().map_err(named)?;
+        use_of(spec.kind, sketch).map_err(named)?;
         if sketch.name.trim().is_empty() {
             return Err(Error::value("name of a sketch", "empty", "allowed: some words"));
         }
+    }
+    Ok(())
+}
+
+/// The keys of a sketch that only some kinds read.
+fn use_of(kind: Kind, sketch: &SketchSpec) -> Result<()> {
+    let only = |given: bool, key: &str, wanted: Kind| {
+        if given && kind != wanted {
+            let allowed = format!("allowed: for kind = {:?} only", wanted.name());
+            return Err(Error::value(key, "given", allowed));
+        }
+        Ok(())
+    };
+    let is_moved = sketch.turn.is_some() || sketch.mirror || sketch.shift.is_some() || sketch.same_parts;
+    only(is_moved, "turn, mirror, shift or same_parts", Kind::Invariance)?;
+    only(sketch.drawing.is_some() || sketch.random.is_some(), "drawing or random", Kind::Drawings)?;
+    if sketch.strokes == Some(0) || sketch.strokes.is_none() && sketch.choose.is_some() {
+        return Err(Error::value("strokes", format!("{:?}", sketch.strokes), "allowed: at least 1"));
+    }
+    if kind == Kind::Drawings {
+        let names: Vec<&str> = samples::names().collect();
+        known("drawing", sketch.drawing.as_deref().unwrap_or_default(), &names)?;
+        let of_patches = sketch.order.is_some() || sketch.accumulation.is_some() || sketch.strokes.is_some();
+        if of_patches {
+            let allowed = "not for a drawing, which is taken as it is";
+            return Err(Error::value("order, accumulation or strokes", "given", allowed));
+        }
+    }
+    if let Some(turn) = sketch.turn.filter(|turn| !(turn.is_finite() && turn.abs() <= 360.0)) {
+        return Err(Error::value("turn", turn, "allowed: -360 to 360 degrees"));
+    }
+    if let Some(shift) = sketch.shift.filter(|shift| shift.iter().any(|cells| cells.abs() > 64)) {
+        return Err(Error::value("shift", format!("{shift:?}"), "allowed: -64 to 64 cells"));
+    }
+    let is_exact = sketch.turn.unwrap_or(0.0) % 90.0 == 0.0 && sketch.shift.is_none();
+    if sketch.same_parts && !is_exact {
+        let allowed = "allowed: with turns by 90 degrees and mirrors, which keep cells whole";
+        return Err(Error::value("same_parts", true, allowed));
     }
     Ok(())
 }

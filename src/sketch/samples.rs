@@ -6,7 +6,10 @@
 use super::geojson::{ReadOptions, SketchReading, parse};
 use crate::error::{Error, Result};
 
-const SAMPLES: [(&str, &str); 5] = [
+const SAMPLES: [(&str, &str); 8] = [
+    ("a-circle", include_str!("../../data/sketches/a-circle.geojson")),
+    ("empty-corner", include_str!("../../data/sketches/empty-corner.geojson")),
+    ("fault-line", include_str!("../../data/sketches/fault-line.geojson")),
     ("lambda-ring", include_str!("../../data/sketches/lambda-ring.geojson")),
     ("meander", include_str!("../../data/sketches/meander.geojson")),
     ("p-valley", include_str!("../../data/sketches/p-valley.geojson")),

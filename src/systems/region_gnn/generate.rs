@@ -2,6 +2,7 @@
 
 use super::blend::{Blend, BlendUse};
 use super::config::{HeightFrame, RegionGnnConfig};
+use super::graph::RegionGraph;
 use super::losses::smooth;
 use super::network::Network;
 use super::train::{LineFrame, Prepared, SMOOTH_PAIRS};
@@ -12,7 +13,7 @@ use crate::interpolation::{Correction, CorrectionKind};
 use crate::learn::{Adam, Schedule};
 use crate::matching::{MatchConfig, align};
 use crate::seed::Seed;
-use crate::sketch::{LineMap, SketchPart};
+use crate::sketch::{LineMap, SketchPart, StrokeKind};
 use crate::systems::task::SketchToTerrain;
 use candle_core::{Device, Tensor, Var};
 use rayon::prelude::*;
@@ -189,6 +190,44 @@ impl RegionGnn {
             }
         }
         Ok(evidence.trust())
+    }
+
+    /// The state of every part of a sketch after message passing, with its kind (Fig. 13): what of the network can be
+    /// looked at. Parts in the order in which they were cut, states as long as the network is wide.
+    ///
+    /// # Errors
+    /// When there is no line.
+    pub fn region_states(
+        &self,
+        lines: &LineMap,
+        config: &GenerationConfig,
+        seed: Seed,
+    ) -> Result<Vec<(StrokeKind, Vec<f32>)>> {
+        let frame = LineFrame::new(lines, self.config(), false)?;
+        let sketch = Prepared::new(lines, &frame, self.config(), seed)?;
+        let embedding = self.embedding_for(&sketch, config, seed)?;
+        let edges = sketch.draw(self.config(), 0.0, seed);
+        let states = self.network.region_states(&edges, embedding.as_ref(), seed)?;
+        Ok(sketch.parts.iter().map(|part| part.kind).zip(states).collect())
+    }
+
+    /// Terrain for lines that are cut already; otherwise one split of [`generate`](Self::generate), trusted as it is.
+    ///
+    /// # Errors
+    /// When there is no line or part, or a part is not valid.
+    pub fn generate_from_parts(
+        &self,
+        lines: &LineMap,
+        parts: Vec<SketchPart>,
+        config: &GenerationConfig,
+        seed: Seed,
+    ) -> Result<Grid<f32>> {
+        parts.iter().try_for_each(SketchPart::validate)?;
+        let frame = LineFrame::new(lines, self.config(), false)?;
+        let graph = Arc::new(RegionGraph::new(lines, &parts, frame.base(), self.config())?);
+        let sketch = Prepared { graph, parts };
+        let embedding = self.embedding_for(&sketch, config, seed)?;
+        finish(lines, self.run(&sketch, embedding.as_ref(), seed)?, config.correction)
     }
 
     fn run(&self, sketch: &Prepared, embedding: Option<&Tensor>, seed: Seed) -> Result<Vec<f32>> {

@@ -118,6 +118,23 @@ impl Network {
         Ok(Output { heights, far_height })
     }
 
+    /// The states of the regions after the last message pass: (regions, H) values, region by region. By the literal
+    /// formula, whatever the kernel.
+    ///
+    /// # Errors
+    /// As [`forward`](Self::forward).
+    pub(super) fn region_states(
+        &self,
+        edges: &PassEdges,
+        embedding: Option<&Tensor>,
+        seed: Seed,
+    ) -> Result<Vec<Vec<f32>>> {
+        let embedding = embedding.or(self.embedding()).filter(|_| self.config.embedding > 0);
+        let first = self.first_region_states(edges.graph().region_count(), seed);
+        let (_, states) = plain::states(&self.config, &self.params, edges, embedding, first)?;
+        Ok(states.detach().to_vec2::<f32>()?)
+    }
+
     /// E^(0), normal (A.3): (regions, H).
     fn first_region_states(&self, regions: usize, seed: Seed) -> Vec<f32> {
         let mut stream = seed.stream("first region states");

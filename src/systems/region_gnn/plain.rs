@@ -37,6 +37,17 @@ pub(super) fn forward(
     embedding: Option<&Tensor>,
     first_regions: Vec<f32>,
 ) -> Result<Tensor> {
+    states(config, params, edges, embedding, first_regions).map(|(heights, _)| heights)
+}
+
+/// [`forward`] with the last states of the regions, (regions, H).
+pub(super) fn states(
+    config: &RegionGnnConfig,
+    params: &ParamStore,
+    edges: &PassEdges,
+    embedding: Option<&Tensor>,
+    first_regions: Vec<f32>,
+) -> Result<(Tensor, Tensor)> {
     let device = Device::Cpu;
     let graph = edges.graph();
     let (mut pixels, mut regions) = (Vec::new(), Vec::new());
@@ -72,7 +83,7 @@ pub(super) fn forward(
         f = net.normalize(&name, &net.gather(&name, &e, &f, false)?)?;
     }
     let far = net.mlp("first", &Tensor::zeros((1, 1), DType::F32, &device)?)?;
-    Ok(net.mlp("last", &Tensor::cat(&[f, far], 0)?)?.squeeze(1)?) // (pixels + 1)
+    Ok((net.mlp("last", &Tensor::cat(&[f, far], 0)?)?.squeeze(1)?, e)) // (pixels + 1), (regions, H)
 }
 
 impl Plain<'_> {

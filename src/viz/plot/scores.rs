@@ -38,6 +38,7 @@ pub struct ScorePlot {
     decimals: usize,
     systems: Vec<(String, Vec<f64>)>,
     highlight: Option<String>,
+    marks: Vec<(String, f64)>,
 }
 
 const WIDTH: f64 = 860.0;
@@ -56,7 +57,15 @@ impl ScorePlot {
             decimals: 2,
             systems: Vec::new(),
             highlight: None,
+            marks: Vec::new(),
         }
+    }
+
+    /// A value from elsewhere to stand beside the scores: a line across all rows with its name.
+    #[must_use]
+    pub fn mark(mut self, name: impl Into<String>, value: f64) -> Self {
+        self.marks.push((name.into(), value));
+        self
     }
 
     /// How many decimals the figures have; 2 when not said.
@@ -95,12 +104,19 @@ impl ScorePlot {
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
         let left = (longest as f64 * 7.4 + 40.0).clamp(120.0, 360.0);
         Ok(draw(WIDTH as u32, (bottom + 62.0) as u32, description, |canvas| {
-            let x =
-                Axis::around(self.systems.iter().flat_map(|(_, s)| s.iter().copied()), false, left, RIGHT);
+            let scores = self.systems.iter().flat_map(|(_, s)| s.iter().copied());
+            let x = Axis::around(scores.chain(self.marks.iter().map(|m| m.1)), false, left, RIGHT);
             canvas.text((20.0, 26.0), &self.title, Words::new(17.0, INK, Anchor::Left).bold());
             for (at, name) in x.marks(7) {
                 canvas.line(&[(at, TOP), (at, bottom)], GRID, 1.0);
                 canvas.text((at, bottom + 16.0), &name, Words::new(12.0, SOFT_INK, Anchor::Middle));
+            }
+            for (i, (name, value)) in self.marks.iter().enumerate() {
+                let (at, top) = (x.at(*value), TOP - 14.0 * i as f64);
+                canvas.line(&[(at, top), (at, bottom)], SERIES[6], 1.6);
+                let anchor = if at > (left + RIGHT) / 2.0 { Anchor::Right } else { Anchor::Left };
+                let aside = if anchor == Anchor::Right { -6.0 } else { 6.0 };
+                canvas.text((at + aside, top - 7.0), name, Words::new(12.0, SERIES[6], anchor));
             }
             let below = ((left + RIGHT) / 2.0, bottom + 38.0);
             let heading = format!("{}   ({direction})", self.quantity);
@@ -160,6 +176,9 @@ impl ScorePlot {
             if let Some((i, bad)) = scores.iter().enumerate().find(|(_, s)| !s.is_finite()) {
                 return Err(Error::value(format!("score {i} of \"{name}\""), bad, "allowed: finite numbers"));
             }
+        }
+        if let Some((name, bad)) = self.marks.iter().find(|(_, value)| !value.is_finite()) {
+            return Err(Error::value(format!("mark \"{name}\""), bad, "allowed: finite numbers"));
         }
         match &self.highlight {
             Some(name) if !self.systems.iter().any(|(n, _)| n == name) => {
@@ -228,6 +247,8 @@ mod tests {
             assert!(file.contains(words), "{words}");
         }
         assert_eq!(file, plot.draw().unwrap().standalone());
+        let marked = plot.mark("printed: 18.1", 18.1).draw().unwrap().standalone();
+        assert!(marked.contains("printed: 18.1") && marked.matches("<circle").count() == 26);
     }
 
     #[test]
