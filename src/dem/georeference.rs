@@ -45,6 +45,13 @@ impl Georeference {
         Some(((e * x - b * y) / det, (a * y - d * x) / det))
     }
 
+    /// The same ground in cells a `factor`-th as large along both sides.
+    #[must_use]
+    pub fn refined(&self, factor: f64) -> Self {
+        let [a, b, x, d, e, y] = self.transform;
+        Self { transform: [a / factor, b / factor, x, d / factor, e / factor, y], ..*self }
+    }
+
     /// The same raster after cutting away `rows` in the north and `cols` in the west.
     #[must_use]
     pub fn shifted(&self, rows: usize, cols: usize) -> Self {

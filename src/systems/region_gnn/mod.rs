@@ -22,7 +22,7 @@ pub mod style;
 mod train;
 mod trust;
 
-pub use checkpoint::Checkpoints;
+pub use crate::learn::Checkpoints;
 pub use config::{Preset, RegionGnnConfig};
 pub use edges::PassEdges;
 pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
