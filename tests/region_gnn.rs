@@ -200,7 +200,7 @@ fn every_system_keeps_its_contract() {
     let style = style(Preset::Anchored, 2);
     let paper = self::style(Preset::Paper, 2);
     let (_, _, lines) = patch(320, 320);
-    for (name, system) in registry::all(&style).into_iter().chain(registry::all(&paper)) {
+    for (name, system) in registry::all(&style).unwrap().into_iter().chain(registry::all(&paper).unwrap()) {
         let made = system.generate(&lines, Seed(1)).unwrap();
         assert_eq!(made.shape(), lines.shape(), "{name}");
         assert!(made.as_slice().iter().all(|z| z.is_finite()), "{name}");

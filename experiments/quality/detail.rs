@@ -14,7 +14,7 @@ use monadnock::dem::io::{self, ReadOptions, WriteOptions};
 use monadnock::dem::{Dem, Normalization};
 use monadnock::extract;
 use monadnock::grid::{Cell, Grid};
-use monadnock::interpolation::{Correction, CorrectionKind, NaturalNeighbours};
+use monadnock::interpolation::NaturalNeighbours;
 use monadnock::metrics::{Scores, Summary, copy_audit, diversity, psnr, sliced_wasserstein};
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
@@ -39,18 +39,18 @@ fn main() -> Result<()> {
     let (config, how, given) = parse(&settings);
     let given = given || no_twins;
     let stored = PathBuf::from(held).join("detail.json");
-    let detail = if given || !stored.exists() {
-        let extraction = &style.info.config.extraction;
-        let variants = style.info.config.model.extractions;
-        let lines = extract::variants(&heights, window.valid(), extraction, variants, Seed(1))?;
-        let twins = lines.iter().map(|lines| {
-            let diagram = NaturalNeighbours::new(&lines.mask())?;
-            let on_lines = lines.heights().as_slice().iter().zip(lines.mask().into_vec());
-            let values: Vec<f64> = on_lines.filter(|(_, l)| *l).map(|(z, _)| f64::from(*z)).collect();
-            Ok(diagram.interpolate(&values).map(|z| *z as f32))
-        });
-        let twins: Vec<Grid<f32>> = twins.collect::<Result<_>>()?;
-        learn(&heights, if no_twins { &[] } else { &twins }, &config, &stored)?
+    let extraction = &style.info.config.extraction;
+    let variants = style.info.config.model.extractions;
+    let lines = extract::variants(&heights, window.valid(), extraction, variants, Seed(1))?;
+    let twins = lines.iter().filter(|lines| lines.line_count() > 0).map(|lines| {
+        let diagram = NaturalNeighbours::new(&lines.mask())?;
+        let on_lines = lines.heights().as_slice().iter().zip(lines.mask().into_vec());
+        let values: Vec<f64> = on_lines.filter(|(_, l)| *l).map(|(z, _)| f64::from(*z)).collect();
+        Ok(diagram.interpolate(&values).map(|z| *z as f32))
+    });
+    let twins: Vec<Grid<f32>> = twins.collect::<Result<_>>()?;
+    let mut detail = if given || !stored.exists() {
+        learn(&heights, if no_twins { &[] } else { &twins }, &config)?
     } else {
         let text = std::fs::read(&stored).expect("readable");
         let (info, weights): (DetailInfo, Vec<(String, Vec<f32>)>) =
@@ -59,7 +59,10 @@ fn main() -> Result<()> {
             Ok(weights.iter().find(|(n, _)| n == name).expect("stored").1.clone())
         })?
     };
+    detail.calibrate(&twins[0], &lines[0], &heights)?;
+    std::fs::write(&stored, serde_json::to_vec(&detail.parts()).expect("plain data")).expect("writable");
     let valid = heights.map(|_| true);
+    println!("gain {:.2}", detail.record().gain);
     println!(
         "rebuilt {:.2} dB",
         psnr(&detail.reconstruct().map(|z| z.clamp(0.0, 1.0)), &heights, &valid, 1.0)?
@@ -78,7 +81,7 @@ fn parse(settings: &[String]) -> (DetailConfig, DetailUse, bool) {
         let overlay = toml::from_str::<toml::Table>(&format!("v = {value}"))
             .unwrap_or_else(|_| toml::from_str(&format!("v = \"{value}\"")).expect("a value"));
         let value = overlay["v"].clone();
-        if key != "noise" && how.contains_key(key) {
+        if key == "size" || (key != "noise" && how.contains_key(key)) {
             how.insert(key.into(), value);
         } else if key == "use-noise" {
             how.insert("noise".into(), value);
@@ -90,7 +93,7 @@ fn parse(settings: &[String]) -> (DetailConfig, DetailUse, bool) {
     (config.try_into().expect("settings"), how.try_into().expect("settings"), given)
 }
 
-fn learn(heights: &Grid<f32>, twins: &[Grid<f32>], config: &DetailConfig, stored: &Path) -> Result<Detail> {
+fn learn(heights: &Grid<f32>, twins: &[Grid<f32>], config: &DetailConfig) -> Result<Detail> {
     let started = Instant::now();
     let mut last = started;
     let detail = train(heights, twins, config, Seed(1), |r| {
@@ -108,7 +111,6 @@ fn learn(heights: &Grid<f32>, twins: &[Grid<f32>], config: &DetailConfig, stored
         }
     })?;
     println!("trained in {:.1} s, {} values", started.elapsed().as_secs_f64(), detail.value_count());
-    std::fs::write(stored, serde_json::to_vec(&detail.parts()).expect("plain data")).expect("writable");
     Ok(detail)
 }
 
@@ -130,8 +132,7 @@ fn judge(style: &Style, exemplar: &Grid<f32>, detail: &Detail, how: &DetailUse, 
         let lines = sketch.rasterize().map_heights(|z| normal.to_unit(f64::from(z)) as f32);
         let (unit, valid) = (normal.normalize(&truth), truth.valid().clone());
         let unit_coarse = normal.normalize(&coarse);
-        let detailed = detail.add(&unit_coarse, None, how, Seed(1))?;
-        let detailed = Correction::new(CorrectionKind::NaturalNeighbour, &lines)?.apply(&detailed)?;
+        let detailed = detail.add(&unit_coarse, Some(&lines), None, how, Seed(1))?;
         for (map, scores) in [(&unit_coarse, &mut before), (&detailed, &mut after)] {
             let found = extract::ridges_and_valleys(map, &valid, &style.info.config.extraction)?;
             scores.push(Scores::of(map, &unit, &valid, &lines)?.with_lines(&lines, &found)?);
@@ -139,9 +140,8 @@ fn judge(style: &Style, exemplar: &Grid<f32>, detail: &Detail, how: &DetailUse, 
         wasserstein[0] += sliced_wasserstein(&unit_coarse, &unit, &valid)? / n;
         wasserstein[1] += sliced_wasserstein(&detailed, &unit, &valid)? / n;
         copied += copy_audit(&detailed, exemplar)?.copied_share / n;
-        let other = detail.add(&unit_coarse, None, how, Seed(2))?;
-        let one = detail.add(&unit_coarse, None, how, Seed(1))?;
-        spread += diversity(&[one, other])? / n;
+        let other = detail.add(&unit_coarse, Some(&lines), None, how, Seed(2))?;
+        spread += diversity(&[detailed.clone(), other])? / n;
         let metres = detailed.map(|&z| normal.to_metres(f64::from(z)) as f32);
         io::write(
             &Dem::new(metres, truth.cell_size())?,

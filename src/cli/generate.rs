@@ -7,10 +7,14 @@ use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::random::{RandomSketchConfig, enhance};
+use crate::grid::{Grid, Mask};
 use crate::machine;
+use crate::sketch::LineMap;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
+use crate::systems::pipeline::{add_detail, detail_of, no_detail};
 use crate::systems::region_gnn::Style;
-use std::path::PathBuf;
+use crate::systems::singan::DetailUse;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `generate`.
 #[derive(Debug, clap::Args)]
@@ -19,11 +23,17 @@ use std::path::PathBuf;
   monadnock generate sierra.safetensors --sketch lambda-ring -o terrain.tif --random-sketches 40
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.png --elevation 800,2400
   monadnock generate sierra.safetensors --sketch volcano-ring -o large.tif --size 256x256
+  monadnock generate sierra.safetensors --sketch mine.geojson -o smooth.tif --no-detail
+  monadnock --seed 2 generate sierra.safetensors --sketch mine.geojson -o other.tif --detail-strength 0.6
 
 Sketch heights are metres, or 0 to 1 of the style's range when the file says \"unit\": \"normalised\".
 With --size a sketch that states the size of its map (those of the program do, and files of `extract`) is scaled to it frame
 to frame; one with a georeference keeps its ground and gets other cells. A file in columns and rows that states no size is
 taken as drawn on a map of that size, from its north-west corner; without --size its strokes decide the size.
+Strokes keep their heights. Between them the style's detail adds the small forms, where the style has one; every --seed draws
+others. A mask says where detail is wanted: a terrain file of the map's size whose heights are above 0.5 there (a PNG is white
+there).
+
 The output's format follows its ending: .tif (float32), .png (16 bits), .npy, .asc.")]
 pub(super) struct GenerateArgs {
     /// The style, as written by `train`
@@ -47,6 +57,62 @@ pub(super) struct GenerateArgs {
     /// Fill in missing heights along each stroke from the given ones
     #[arg(long)]
     interpolate_heights: bool,
+    #[command(flatten)]
+    detail: DetailOptions,
+}
+
+const DETAIL: &str = "Detail";
+
+// What is said about detail; no doc comment, see args.rs.
+#[derive(Debug, clap::Args)]
+struct DetailOptions {
+    /// Only the forms that the strokes say
+    #[arg(long, help_heading = DETAIL)]
+    no_detail: bool,
+    /// Roughness: 0 none, 1 the style's own, 2 twice as much
+    #[arg(long, help_heading = DETAIL, value_name = "X", default_value_t = 1.0, conflicts_with = "no_detail")]
+    detail_strength: f32,
+    /// Forms smaller than this many cells are the style's, larger ones the strokes'; chosen by the gaps between the strokes
+    /// when absent
+    #[arg(long, help_heading = DETAIL, value_name = "CELLS", conflicts_with = "no_detail")]
+    detail_size: Option<f64>,
+    /// Where detail is wanted: above 0.5, or white in a PNG
+    #[arg(long, help_heading = DETAIL, value_name = "MASK", conflicts_with = "no_detail")]
+    detail_mask: Option<PathBuf>,
+}
+
+impl DetailOptions {
+    /// Adds the detail of `style` to `terrain`, in metres.
+    fn add(
+        &self,
+        style: &Style,
+        terrain: Grid<f32>,
+        lines: &LineMap,
+        range: Normalization,
+        context: &Context,
+    ) -> Result<Grid<f32>> {
+        let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
+        let Some(detail) = detail_of(style)?.filter(|_| !self.no_detail) else {
+            return if asked { Err(no_detail()) } else { Ok(terrain) };
+        };
+        let mask = self.detail_mask.as_deref().map(|path| mask(path, terrain.shape())).transpose()?;
+        let how =
+            DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() };
+        add_detail(&terrain, &detail, range, Some(lines), mask.as_ref(), &how, context.seed)
+    }
+}
+
+/// The cells above one half of a raster of this shape.
+fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
+    let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+    let elevation = png.then(|| Normalization::new(0.0, 1.0)).transpose()?;
+    let dem = io::read(path, &io::ReadOptions { elevation, ..Default::default() })?;
+    if dem.shape() != shape {
+        let (found, wanted) = (dem.shape(), shape);
+        let found = format!("{}x{} cells", found.0, found.1);
+        return Err(Error::file(path, "mask", found, format!("the map has {}x{}", wanted.0, wanted.1)));
+    }
+    Ok(Mask::from_fn(shape.0, shape.1, |c| dem.valid()[c] && dem.heights()[c] > 0.5))
 }
 
 /// Runs the verb.
@@ -80,7 +146,12 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         }
         None => sketch,
     };
-    let terrain = style.generate(&sketch.rasterize(), Some(range), context.seed)?;
+    let lines = sketch.rasterize();
+    let terrain = style.generate(&lines, Some(range), context.seed)?;
+    let terrain = args.detail.add(&style, terrain, &lines, range, context).map_err(|e| match e {
+        Error::Value { .. } => e.in_file(&args.style),
+        other => other,
+    })?;
     let cell_size = match &reading.georeference {
         // The transform's own steps, when they are metres.
         Some(g) if g.epsg.is_none_or(|code| code != 4326) => {

@@ -324,12 +324,35 @@ fn style_rows(value: &Value) -> Vec<Row> {
         row("last losses", if losses.is_empty() { "-".to_owned() } else { losses.join(", ") }),
         row("SSIM", format!("{} of the exemplar rebuilt from its own lines", with("/training/ssim", 4, ""))),
         row("PSNR", with("/training/psnr", 2, " dB")),
+        row("detail", detail_row(value)),
         row("l_gt", number("/training/l_gt").map_or_else(|| "-".to_owned(), |v| format!("{v:.2e}"))),
     ];
     if let Some(config) = value.get("config") {
         table.extend(rows_of(config));
     }
     table
+}
+
+/// What the detail model of a style is.
+fn detail_row(value: &Value) -> String {
+    let Some(record) = value.pointer("/detail/record") else {
+        return "none: trained with --no-detail, or by an older version".to_owned();
+    };
+    let number = |key: &str| record.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
+    let steps: Vec<u64> = record
+        .get("steps")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_u64)
+        .collect();
+    format!(
+        "{} scales, {} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
+        steps.len(),
+        steps.iter().sum::<u64>(),
+        number("seconds"),
+        number("psnr")
+    )
 }
 
 /// Any JSON object as rows: what lies deeper gets a dotted label.

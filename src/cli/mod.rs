@@ -4,6 +4,7 @@
 //! line is in `args`; everything that is shown goes through the `console`. Results are in the files that a verb
 //! writes, and they do not depend on `--threads` or `--quiet`.
 
+mod amplify;
 mod args;
 mod completions;
 mod console;
@@ -15,6 +16,7 @@ mod extract;
 mod generate;
 mod info;
 mod render;
+mod sample;
 mod sketch_input;
 mod train;
 
@@ -82,6 +84,10 @@ enum Command {
     Train(train::TrainArgs),
     /// Turn a sketch into terrain in a style
     Generate(generate::GenerateArgs),
+    /// Make terrain finer, with a style's detail below its cells
+    Amplify(amplify::AmplifyArgs),
+    /// Draw terrain of a style from noise alone
+    Sample(sample::SampleArgs),
     /// Rebuild patches of terrain from their lines with every system, and score them
     Eval(eval::EvalArgs),
     /// Run comparisons that are data files, and report their records
@@ -144,6 +150,8 @@ fn dispatch(command: &Command, context: &Context) -> Result<()> {
         Command::Extract(args) => extract::run(args, context),
         Command::Train(args) => train::run(args, context),
         Command::Generate(args) => generate::run(args, context),
+        Command::Amplify(args) => amplify::run(args, context),
+        Command::Sample(args) => sample::run(args, context),
         Command::Eval(args) => eval::run(args, context),
         Command::Experiment(args) => experiment::run(args, context),
         Command::Data(args) => data::run(args, context),

@@ -6,13 +6,17 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
 use crate::grid::Cell;
+use crate::systems::pipeline::{continues, detail_of, learn_detail};
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
+use crate::systems::singan::{self, DetailConfig};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Windows with more cells than this are not taken whole: training costs about 1 kB a cell and extraction.
 const LARGEST_WHOLE: usize = 192 * 192;
+/// Share of a budget that the coarse model gets: both reach their plateau in about this proportion.
+const COARSE_SHARE: f64 = 0.3;
 
 /// Arguments of `train`.
 #[derive(Debug, clap::Args)]
@@ -21,17 +25,24 @@ const LARGEST_WHOLE: usize = 192 * 192;
   monadnock train alps.tif -o alps.safetensors --crop 256,256,128
   monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
   monadnock train alps.tif -o alps.safetensors --config mine.toml
+  monadnock train alps.tif -o alps.safetensors --no-detail
+  monadnock train alps.tif -o alps.safetensors --set detail.steps=200
   monadnock train alps.tif -o alps.safetensors --budget 60s
   monadnock train alps.tif -o alps.safetensors --epochs 5000 --resume
 
-While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint, which is removed at the end. A
-training that was killed continues from there with --resume and the same arguments; without --resume it begins anew. It
-ends with the same weights as one that was never stopped, except under --budget, which ties the schedule to the clock.
+Two models are trained, one after the other: the coarse one, which turns lines into terrain, and the detail, which adds the
+small forms that lines leave open. The style is written after the first and again after the second, so that it can be used
+whatever happens. A --budget is for both: 3 tenths for the coarse model, the rest for the detail.
+
+While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
+detail), which is removed at the end. A training that was killed continues from there with --resume and the same
+arguments; without --resume it begins anew. It ends with the same weights as one that was never stopped, except under
+--budget, which ties the schedule to the clock.
 
 Without --crop the whole terrain is learned when it is small, else its most varied central 128x128 patch.
 
-The configuration is a TOML file with the sections [extraction], [model] and [generation]; --set overrides one key.
-Order of precedence: preset, then the file, then --epochs and --set.")]
+The configuration is a TOML file with the sections [extraction], [model], [generation] and [detail]; --set overrides one key.
+Order of precedence: presets, then the file, then --epochs and --set.")]
 pub(super) struct TrainArgs {
     #[command(flatten)]
     dem: DemInput,
@@ -49,10 +60,16 @@ pub(super) struct TrainArgs {
     /// One setting, such as model.width=64; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Training steps
+    /// Leave out the detail: terrain then keeps only the forms that its lines say
+    #[arg(long)]
+    no_detail: bool,
+    /// Named configuration of the detail: ours, or paper (SinGAN as published: hours)
+    #[arg(long, value_enum, default_value = "ours", conflicts_with = "no_detail")]
+    detail_preset: DetailPresetName,
+    /// Training steps of the coarse model
     #[arg(long, conflicts_with = "budget")]
     epochs: Option<usize>,
-    /// Time for the training, such as 60s or 5m; the schedule is fitted to it
+    /// Time for the whole training, such as 60s or 5m; the schedules are fitted to it
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     budget: Option<Duration>,
     /// Continue an interrupted training from its checkpoint
@@ -69,6 +86,12 @@ enum PresetName {
     Paper,
 }
 
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum DetailPresetName {
+    Ours,
+    Paper,
+}
+
 /// Runs the verb.
 ///
 /// # Errors
@@ -78,7 +101,11 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         PresetName::Anchored => Preset::Anchored,
         PresetName::Paper => Preset::Paper,
     };
-    let config = resolve(preset, args.config.as_deref(), &args.set, args.epochs)?;
+    let detail = match args.detail_preset {
+        DetailPresetName::Ours => DetailConfig::default(),
+        DetailPresetName::Paper => DetailConfig::paper(),
+    };
+    let (config, detail) = resolve(preset, &detail, args.config.as_deref(), &args.set, args.epochs)?;
     let dem = args.dem.load(&context.console)?;
     check_output(&args.output)?;
     keep_inputs(&args.output, &[&args.dem.dem])?;
@@ -87,32 +114,61 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         None => default_window(&dem, context)?,
     };
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
-    let checkpoint = checkpoint_path(&args.output);
-    if args.resume && !checkpoint.exists() {
-        context.console.line(format!("no {}: training from the start", checkpoint.display()));
-    } else if !args.resume && checkpoint.exists() {
-        let text = "is of an interrupted training; this one begins anew (--resume continues it)";
-        context.console.warning(format!("{} {text}", checkpoint.display()));
+    let [coarse_file, detail_file] =
+        ["checkpoint", "detail-checkpoint"].map(|kind| checkpoint_path(&args.output, kind));
+    let interrupted = [&coarse_file, &detail_file].into_iter().find(|file| file.exists());
+    match interrupted {
+        None if args.resume => {
+            context.console.line(format!("no {}: training from the start", coarse_file.display()));
+        }
+        Some(file) if !args.resume => {
+            let text = "is of an interrupted training; this one begins anew (--resume continues it)";
+            context.console.warning(format!("{} {text}", file.display()));
+            remove(&detail_file)?;
+        }
+        _ => {}
     }
-    let checkpoints =
-        Checkpoints { path: checkpoint.clone(), interval: args.checkpoint_every, resume: args.resume };
-    let bounds = Bounds { budget: args.budget, checkpoints: Some(checkpoints) };
-    let trained = train_with_progress(&source, &config, context, "training", bounds);
-    if let (Err(Error::Diverged { .. }), true) = (&trained, checkpoint.exists()) {
-        context.console.warning(format!(
-            "the last good state is kept in {}; continue with --resume --set model.learning_rate=...",
-            checkpoint.display()
-        ));
+    let bounds = |path: &Path, share: f64| Bounds {
+        budget: args.budget.map(|budget| budget.mul_f64(share)),
+        checkpoints: Some(Checkpoints {
+            path: path.to_owned(),
+            interval: args.checkpoint_every,
+            resume: args.resume,
+        }),
+    };
+    // A checkpoint of the detail means that the coarse model is done, and it is in the output.
+    let mut style = if args.resume && detail_file.exists() && !args.no_detail {
+        let style = Style::load(&args.output)?;
+        let config = args.budget.is_none().then_some(&config);
+        continues(&style, &source, config, context.seed).map_err(|e| e.in_file(&args.output))?;
+        style
+    } else {
+        let share = if args.no_detail { 1.0 } else { COARSE_SHARE };
+        let label = if args.no_detail { "training" } else { "training, 1 of 2: coarse model" };
+        let trained = train_with_progress(&source, &config, context, label, bounds(&coarse_file, share));
+        told_of_divergence(&trained, &coarse_file, "model", context);
+        let style = trained?;
+        style.save(&args.output)?;
+        remove(&coarse_file)?;
+        style
+    };
+    if !args.no_detail {
+        let bounds = bounds(&detail_file, 1.0 - COARSE_SHARE);
+        let label = "training, 2 of 2: detail";
+        let learned = detail_with_progress(&mut style, &source, &detail, context, label, bounds);
+        told_of_divergence(&learned, &detail_file, "detail", context);
+        learned?;
+        style.save(&args.output)?;
+        remove(&detail_file)?;
     }
-    let style = trained?;
-    style.save(&args.output)?;
-    if checkpoint.exists() {
-        std::fs::remove_file(&checkpoint).map_err(Error::io(&checkpoint, "remove the checkpoint"))?;
-    }
+    report(&style, &args.output, context)
+}
+
+fn report(style: &Style, output: &Path, context: &Context) -> Result<()> {
     let t = &style.info.training;
     context.console.line(format!(
         "{}: {} epochs in {:.1} s ({:.3} s each); exemplar rebuilt with SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}",
-        args.output.display(),
+        output.display(),
         t.epochs,
         t.seconds,
         t.seconds_per_epoch,
@@ -120,6 +176,33 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         t.psnr,
         t.l_gt
     ));
+    if let Some(detail) = detail_of(style)? {
+        let r = detail.record();
+        context.console.line(format!(
+            "detail: {} scales, {} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
+            r.steps.len(),
+            r.steps.iter().sum::<usize>(),
+            r.seconds,
+            r.psnr
+        ));
+    }
+    Ok(())
+}
+
+/// What to do after a divergence, when something was kept.
+fn told_of_divergence<T>(trained: &Result<T>, checkpoint: &Path, section: &str, context: &Context) {
+    if let (Err(Error::Diverged { .. }), true) = (trained, checkpoint.exists()) {
+        context.console.warning(format!(
+            "the last good state is kept in {}; continue with --resume --set {section}.learning_rate=...",
+            checkpoint.display()
+        ));
+    }
+}
+
+fn remove(checkpoint: &Path) -> Result<()> {
+    if checkpoint.exists() {
+        std::fs::remove_file(checkpoint).map_err(Error::io(checkpoint, "remove the checkpoint"))?;
+    }
     Ok(())
 }
 
@@ -138,9 +221,10 @@ fn default_window(dem: &Dem, context: &Context) -> Result<(Cell, usize, usize)> 
 }
 
 /// Where the state of a training is kept while it runs.
-fn checkpoint_path(output: &Path) -> PathBuf {
+fn checkpoint_path(output: &Path, kind: &str) -> PathBuf {
     let mut name = output.as_os_str().to_owned();
-    name.push(".checkpoint");
+    name.push(".");
+    name.push(kind);
     name.into()
 }
 
@@ -174,19 +258,49 @@ pub(super) fn train_with_progress(
     learn_with(source, config, context.seed, control)
 }
 
-/// The preset, overlaid with a file and with single keys.
+/// Learns the detail of a style under a progress bar, which counts the work of the steps, or under a budget seconds.
+pub(super) fn detail_with_progress(
+    style: &mut Style,
+    source: &Source,
+    config: &DetailConfig,
+    context: &Context,
+    label: &str,
+    bounds: Bounds,
+) -> Result<()> {
+    let (rows, cols) = source.dem.shape();
+    let work = config.work(rows, cols);
+    let all: u64 = work.iter().map(|w| w * config.steps as u64).sum();
+    // In percent: a unit of work means nothing to anybody.
+    let total = bounds.budget.map_or(100, |budget| budget.as_secs());
+    let bar = context.console.progress(total, label);
+    let mut shown = 0;
+    let mut progress = |report: &singan::StepReport| {
+        bar.note(format!("scale {} of {}", report.scale + 1, report.scales));
+        let finished: u64 = work[..report.scale].iter().map(|w| w * config.steps as u64).sum();
+        let done = finished + work[report.scale] * (report.step as u64 + 1);
+        let now = bounds.budget.map_or(100 * done / all, |_| report.seconds as u64).min(total);
+        bar.advance(now.saturating_sub(shown));
+        shown = now.max(shown);
+    };
+    let control =
+        singan::Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };
+    learn_detail(style, source, config, context.seed, control)
+}
+
+/// The presets, overlaid with a file and with single keys.
 fn resolve(
     preset: Preset,
+    detail: &DetailConfig,
     file: Option<&Path>,
     set: &[String],
     epochs: Option<usize>,
-) -> Result<StyleConfig> {
+) -> Result<(StyleConfig, DetailConfig)> {
     let mut over = toml::Table::new();
     let base = StyleConfig::preset(preset);
     if let Some(path) = file {
         over = read_toml(path)?;
         // Checked here as well, so that a bad key names the file.
-        style_config(&base, [&over]).map_err(|e| e.in_file(path))?;
+        both(&base, detail, &over).map_err(|e| e.in_file(path))?;
     }
     for setting in set {
         let allowed = "allowed: KEY=VALUE such as model.width=64 or model.base=\"laplace\"";
@@ -199,12 +313,36 @@ fn resolve(
             .map_err(|_| Error::value("--set", setting, allowed))?;
         overlay(&mut over, &table);
     }
-    let mut config = style_config(&base, [&over])?;
+    let (mut config, detail) = both(&base, detail, &over)?;
     if let Some(epochs) = epochs {
         config.model.epochs = epochs;
     }
     config.validate()?;
-    Ok(config)
+    detail.validate()?;
+    Ok((config, detail))
+}
+
+/// The section `detail` of a table, and the others.
+fn both(
+    base: &StyleConfig,
+    detail: &DetailConfig,
+    over: &toml::Table,
+) -> Result<(StyleConfig, DetailConfig)> {
+    let mut rest = over.clone();
+    let section = rest.remove("detail");
+    let config = style_config(base, [&rest])?;
+    let plain = |e: toml::ser::Error| Error::value("configuration", e, "a preset must be plain data");
+    let mut table = toml::Table::try_from(detail).map_err(plain)?;
+    match section {
+        Some(toml::Value::Table(section)) => overlay(&mut table, &section),
+        Some(other) => return Err(Error::value("detail", other, "allowed: a section with keys")),
+        None => {}
+    }
+    let bad = |e: toml::de::Error| {
+        let allowed = "see `monadnock info STYLE --json` under detail.config for all keys";
+        Error::value("configuration of the detail", e.message(), allowed)
+    };
+    Ok((config, table.try_into().map_err(bad)?))
 }
 
 #[cfg(test)]
@@ -216,9 +354,19 @@ mod tests {
     fn settings_overlay_the_preset_and_bad_ones_are_named() {
         let set = |s: &[&str]| {
             let settings: Vec<String> = s.iter().map(|s| (*s).to_owned()).collect();
-            resolve(Preset::Anchored, None, &settings, Some(7))
+            resolve(Preset::Anchored, &DetailConfig::default(), None, &settings, Some(7))
         };
-        let config = set(&["model.base=laplace", "extraction.min_order=3", "model.losses.ssim=2.5"]).unwrap();
+        let (config, detail) = set(&[
+            "model.base=laplace",
+            "extraction.min_order=3",
+            "model.losses.ssim=2.5",
+            "detail.steps=9",
+            "detail.view=heights",
+        ])
+        .unwrap();
+        assert_eq!((detail.steps, detail.view), (9, singan::config::View::Heights));
+        assert!(set(&["detail.stepps=9"]).unwrap_err().to_string().contains("stepps"));
+        assert!(set(&["detail.width=33"]).unwrap_err().to_string().contains("detail.width is 33"));
         assert_eq!((config.model.base, config.extraction.min_order), (Base::Laplace, 3));
         assert_eq!((config.model.losses.ssim, config.model.epochs), (2.5, 7));
         assert!(set(&["model.widht=64"]).unwrap_err().to_string().contains("widht"));

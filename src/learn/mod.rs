@@ -2,12 +2,14 @@
 //! [`convolution`] and vector mathematics. The only room besides the trained systems that names `candle`.
 
 mod adam;
+mod checkpoints;
 mod contiguous;
 pub mod convolution;
 mod param_store;
 mod vector_math;
 
 pub use adam::{Adam, Schedule};
+pub use checkpoints::Checkpoints;
 pub use contiguous::contiguous_f32;
 pub use param_store::ParamStore;
 pub use vector_math::{exp, ln, sin_cos_quarter_turns, tanh};

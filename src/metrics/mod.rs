@@ -5,6 +5,7 @@
 //! and [`Summary`] over patches.
 
 mod error;
+mod landforms;
 mod lines;
 mod patches;
 mod relief;
@@ -14,6 +15,7 @@ mod ssim;
 mod summary;
 
 pub use error::{psnr, rmse};
+pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
 pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
 pub use relief::{curvature_distance, mean_slope_ratio, mean_square_slope, pit_share, slope_distance};

@@ -4,18 +4,21 @@
 //! in the style as named tensors and one description that the coarse system does not look into.
 
 use super::region_gnn::Style;
-use super::region_gnn::style::Source;
-use super::singan::{self, Detail, DetailConfig, DetailInfo, DetailUse, StepReport};
+use super::region_gnn::style::{Source, StyleConfig};
+use super::singan::{self, Detail, DetailConfig, DetailInfo, DetailUse};
 use super::task::SketchToTerrain;
-use crate::dem::Normalization;
+use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract;
 use crate::grid::resample::resample;
-use crate::grid::{Grid, Mask};
-use crate::interpolation::{Correction, CorrectionKind, NaturalNeighbours, harmonic};
+use crate::grid::{Cell, Grid, Mask};
+use crate::interpolation::{NaturalNeighbours, harmonic};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use std::sync::Arc;
+
+/// Most cells that [`amplify`] makes: 32,768 by 32,768.
+const MOST_CELLS: usize = 1 << 30;
 
 /// Learns the detail of the style's own exemplar and puts it into the style.
 ///
@@ -23,13 +26,13 @@ use std::sync::Arc;
 /// the coarse model was trained with. Voids of the exemplar are filled harmonically.
 ///
 /// # Errors
-/// When a setting is out of range, the exemplar is too small, or the training diverges.
+/// When a setting is out of range, the exemplar is too small, the training diverges, or a checkpoint does not fit.
 pub fn learn_detail(
     style: &mut Style,
     source: &Source,
     config: &DetailConfig,
     seed: Seed,
-    progress: impl FnMut(&StepReport),
+    control: singan::Control<'_>,
 ) -> Result<()> {
     let heights = style.info.normalization.normalize(&source.dem);
     let valid = source.dem.valid();
@@ -43,12 +46,32 @@ pub fn learn_detail(
     } else {
         heights
     };
-    let detail = singan::train(&filled, &twins, config, seed.derive("detail"), progress)?;
+    let mut detail = singan::train_with(&filled, &twins, config, seed.derive("detail"), control)?;
+    detail.calibrate(&twins[0], &variants[0], &filled)?;
     let (info, weights) = detail.parts();
     let info = serde_json::to_value(&info)
         .map_err(|e| Error::value("description of the detail", e, "it must be plain data"))?;
     style.info.detail = Some(info);
     style.detail_tensors = weights;
+    Ok(())
+}
+
+/// Whether `style` is what a training of `source` with this seed (and this configuration) has made, so that its detail can be
+/// learned in a later run.
+///
+/// # Errors
+/// Says what differs.
+pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, seed: Seed) -> Result<()> {
+    let allowed = "to resume, exemplar, seed and configuration must be those of the interrupted training";
+    if style.info.exemplar.sha256 != source.info.sha256 {
+        return Err(Error::value("exemplar of the style", &style.info.exemplar.name, allowed));
+    }
+    if style.info.seed != seed {
+        return Err(Error::value("seed of the style", style.info.seed.0, allowed));
+    }
+    if config.is_some_and(|config| *config != style.info.config) {
+        return Err(Error::value("configuration of the style", "another one", allowed));
+    }
     Ok(())
 }
 
@@ -82,9 +105,13 @@ pub fn detail_of(style: &Style) -> Result<Option<Detail>> {
 /// # Errors
 /// As there, and when there is none.
 pub fn needed_detail(style: &Style) -> Result<Detail> {
-    detail_of(style)?.ok_or_else(|| {
-        Error::value("detail of the style", "none", "train the style again without --no-detail")
-    })
+    detail_of(style)?.ok_or_else(no_detail)
+}
+
+/// A style without detail where one is needed.
+#[must_use]
+pub fn no_detail() -> Error {
+    Error::value("detail of the style", "none", "train the style again without --no-detail")
 }
 
 /// A coarse system with detail, corrected towards the lines at the end.
@@ -100,8 +127,7 @@ pub struct Detailed {
 impl SketchToTerrain for Detailed {
     fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
         let coarse = self.coarse.generate(lines, seed)?;
-        let detailed = self.detail.add(&coarse, None, &self.how, seed.derive("detail"))?;
-        Correction::new(CorrectionKind::NaturalNeighbour, lines)?.apply(&detailed)
+        self.detail.add(&coarse, Some(lines), None, &self.how, seed.derive("detail"))
     }
 }
 
@@ -118,29 +144,60 @@ pub fn add_detail(
     how: &DetailUse,
     seed: Seed,
 ) -> Result<Grid<f32>> {
-    let unit = terrain.map(|&z| range.to_unit(f64::from(z)) as f32);
-    let detailed = detail.add(&unit, mask, how, seed.derive("detail"))?;
-    let metres = detailed.map(|&z| range.to_metres(f64::from(z)) as f32);
-    match lines {
-        Some(lines) => Correction::new(CorrectionKind::NaturalNeighbour, lines)?.apply(&metres),
-        None => Ok(metres),
+    let to_unit = |z: f32| range.to_unit(f64::from(z)) as f32;
+    let unit = terrain.map(|&z| to_unit(z));
+    let unit_lines = lines.map(|lines| lines.map_heights(to_unit));
+    let detailed = detail.add(&unit, unit_lines.as_ref(), mask, how, seed.derive("detail"))?;
+    let mut metres = detailed.map(|&z| range.to_metres(f64::from(z)) as f32);
+    // What stays, stays to the bit: there and back again rounds.
+    for (i, z) in metres.as_mut_slice().iter_mut().enumerate() {
+        if mask.is_some_and(|mask| !mask.as_slice()[i]) {
+            *z = terrain.as_slice()[i];
+        }
     }
+    if let Some(lines) = lines {
+        for (cell, height) in lines.heights().cells() {
+            if lines.kinds()[cell].is_some() && mask.is_none_or(|mask| mask[cell]) {
+                metres[cell] = *height;
+            }
+        }
+    }
+    Ok(metres)
 }
 
-/// Terrain `factor` times as fine in each direction, with the style's detail below its own cells.
+/// Terrain `factor` times as fine in each direction, with the style's detail below its own cells. Where it has voids, so has
+/// the answer; they are bridged harmonically meanwhile.
 ///
 /// # Errors
-/// When a setting is out of range or the terrain has voids that were not filled.
+/// When a setting is out of range or there are more than 2^30 cells to make.
 pub fn amplify(
-    terrain: &Grid<f32>,
+    dem: &Dem,
     detail: &Detail,
     range: Normalization,
     factor: usize,
     how: &DetailUse,
     seed: Seed,
-) -> Result<Grid<f32>> {
-    let (rows, cols) = terrain.shape();
-    let large = resample(terrain, rows * factor, cols * factor);
-    let how = DetailUse { size: factor as f64, keep: 0.0, ..how.clone() };
-    add_detail(&large, detail, range, None, None, &how, seed)
+) -> Result<Dem> {
+    let (rows, cols) = dem.shape();
+    let cells = (rows * cols).saturating_mul(factor * factor);
+    if !(2..=16).contains(&factor) || cells > MOST_CELLS {
+        let found = format!("{factor} for {rows}x{cols} cells");
+        let allowed = format!("allowed: 2 to 16, and at most {MOST_CELLS} cells in the end");
+        return Err(Error::value("factor", found, allowed));
+    }
+    let valid = dem.valid();
+    let known = if dem.void_count() > 0 {
+        harmonic(valid, &dem.heights().map(|z| f64::from(*z)))?.map(|z| *z as f32)
+    } else {
+        dem.heights().clone()
+    };
+    let large = resample(&known, rows * factor, cols * factor);
+    let how = DetailUse { size: Some(factor as f64), keep: 0.0, ..how.clone() };
+    let heights = add_detail(&large, detail, range, None, None, &how, seed)?;
+    let valid =
+        Mask::from_fn(rows * factor, cols * factor, |c| valid[Cell::new(c.row / factor, c.col / factor)]);
+    let cell = dem.cell_size();
+    let cell = CellSize::new(cell.x() / factor as f64, cell.y() / factor as f64)?;
+    let georeference = dem.georeference().map(|g| g.on_raster((rows, cols), (rows * factor, cols * factor)));
+    Ok(Dem::with_voids(heights, valid, cell)?.at(georeference))
 }

@@ -1,24 +1,44 @@
 //! Every system by name: the only file that knows them all.
 
 use super::classical;
+use super::pipeline::{Detailed, detail_of};
 use super::region_gnn::config::HeightFrame;
 use super::region_gnn::{FineTuning, GenerationConfig, RegionGnnSystem, Style, StyleConfig};
+use super::singan::DetailUse;
 use super::task::SketchToTerrain;
 use crate::error::{Error, Result};
 use crate::interpolation::CorrectionKind;
+use std::sync::Arc;
 
 /// A system and its name.
 pub type Named = (String, Box<dyn SketchToTerrain>);
 
 /// Every way to use a style, then every interpolator.
 ///
-/// An anchored style is `gnn` (its own configuration). A style of the paper is `gnn-aligned` and, with fine-tuned
+/// A style with detail has every system twice, the second one with it (`+detail`). An anchored style is `gnn` (its own configuration). A style of the paper is `gnn-aligned` and, with fine-tuned
 /// embeddings, `gnn-tuned`, each also with the harmonic correction (`+harmonic`).
-#[must_use]
-pub fn all(style: &Style) -> Vec<Named> {
+///
+/// # Errors
+/// When the style's detail contradicts itself.
+pub fn all(style: &Style) -> Result<Vec<Named>> {
     let mut systems = trained(style);
+    systems.extend(detailed(style)?);
     systems.extend(interpolators());
-    systems
+    Ok(systems)
+}
+
+/// Every way to use a style that has detail, with it; none when it has none.
+///
+/// # Errors
+/// When the style's detail contradicts itself.
+pub fn detailed(style: &Style) -> Result<Vec<Named>> {
+    let Some(detail) = detail_of(style)?.map(Arc::new) else { return Ok(Vec::new()) };
+    let with = |(name, coarse): Named| -> Named {
+        let system = Detailed { coarse, detail: detail.clone(), how: DetailUse::default() };
+        (format!("{name}+detail"), Box::new(system))
+    };
+    // The correction that ends the detail is also that of the coarse system.
+    Ok(trained(style).into_iter().filter(|(name, _)| !name.ends_with("+harmonic")).map(with).collect())
 }
 
 /// Every way to use a style.
@@ -70,7 +90,7 @@ fn uses(config: &StyleConfig) -> Vec<(String, GenerationConfig)> {
 /// # Errors
 /// When a name fits no system.
 pub fn select(style: &Style, wanted: &str) -> Result<Vec<Named>> {
-    let systems = all(style);
+    let systems = all(style)?;
     if wanted == "all" {
         return Ok(systems);
     }

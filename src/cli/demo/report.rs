@@ -20,6 +20,7 @@ pub(super) struct Page {
     styles: Vec<StylePictures>,
     drawing: Picture,
     comparison: Picture,
+    detail: Picture,
     errors: Picture,
     ssim: Svg,
     psnr: Svg,
@@ -29,6 +30,7 @@ struct StylePictures {
     exemplar: Picture,
     lines: Picture,
     rebuilt: Picture,
+    coarse: Picture,
     drawn: Picture,
     random: Picture,
     enhanced: Picture,
@@ -45,6 +47,7 @@ impl Page {
                 ("exemplar", &pictures.exemplar),
                 ("lines", &pictures.lines),
                 ("rebuilt", &pictures.rebuilt),
+                ("drawn-without-detail", &pictures.coarse),
                 ("drawn", &pictures.drawn),
                 ("random-lines", &pictures.random),
                 ("drawn-with-random-lines", &pictures.enhanced),
@@ -57,15 +60,17 @@ impl Page {
         let drawing = LineArt::try_from(&shown.drawing)?.on_paper(SCALE)?;
         let patch = &shown.evaluation.patches[0];
         let comparison = comparison(patch, shown)?;
+        let detail = detail(patch, shown)?;
         let errors = errors(patch, shown)?;
         let (ssim, psnr) = (scores(shown, "SSIM", 3, |s| s.ssim)?, scores(shown, "PSNR, dB", 2, |s| s.psnr)?);
         overview(shown, &styles, &drawing)?.write_png(&out.join("overview.png"))?;
         drawing.write_png(&out.join("drawing.png"))?;
         comparison.write_png(&out.join("comparison.png"))?;
+        detail.write_png(&out.join("detail.png"))?;
         errors.write_png(&out.join("errors.png"))?;
         ssim.write(&out.join("ssim.svg"))?;
         psnr.write(&out.join("psnr.svg"))?;
-        Ok(Self { styles, drawing, comparison, errors, ssim, psnr })
+        Ok(Self { styles, drawing, comparison, detail, errors, ssim, psnr })
     }
 
     /// The page as HTML.
@@ -86,7 +91,9 @@ impl Page {
             "The drawing: ridges orange, valleys blue, high strokes lighter",
         )];
         for (s, pictures) in shown.styles.iter().zip(&self.styles) {
-            figures.push(Figure::new(&pictures.drawn, format!("The drawing in the style of {}", s.title)));
+            figures
+                .push(Figure::new(&pictures.coarse, format!("In the style of {}, without detail", s.title)));
+            figures.push(Figure::new(&pictures.drawn, format!("In the style of {}, with detail", s.title)));
         }
         report = report.figures(figures);
         let mut figures = Vec::new();
@@ -144,6 +151,7 @@ impl Page {
                 first.title
             ))
             .table(&table)
+            .figure(&self.detail, "One neighbouring patch: coarse, with detail, and the truth, in one light")
             .figure(&self.comparison, "One neighbouring patch: the truth, its lines, and every system's terrain")
             .figure(&self.errors, "Height error of the same terrain")
             .figures([
@@ -164,6 +172,7 @@ impl StylePictures {
             exemplar,
             lines,
             rebuilt: relief.draw(&s.rebuilt)?,
+            coarse: relief.draw(&s.coarse)?,
             drawn: relief.draw(&s.drawn)?,
             random: LineArt::try_from(&s.enhanced.0)?.on_paper(SCALE)?,
             enhanced: relief.draw(&s.enhanced.1)?,
@@ -264,6 +273,19 @@ fn comparison(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
     let bar =
         ColorBar::new(relief.palette, patch.normalization.low(), patch.normalization.high(), "Height, m")?;
     sheet.color_bar(bar).scale_bar(shown.compared.cell_size().x() / SHEET_SCALE as f64).draw()
+}
+
+/// Coarse, detailed, true side by side.
+fn detail(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
+    let truth = metres(patch, &patch.truth, shown)?;
+    let relief = Relief::with_palette(palette(shown.styles[0].name)).scaled(SCALE).fixed_for(&truth);
+    let mut sheet = Sheet::new(3).title("What the detail adds");
+    for (name, output) in patch.outputs.iter().filter_map(|(n, o)| Some((n, o.as_ref()?))) {
+        if name == "gnn" || name == "gnn+detail" {
+            sheet = sheet.panel(relief.draw(&metres(patch, output, shown)?)?, caption(shown, patch, name));
+        }
+    }
+    sheet.panel(relief.draw(&truth)?, "truth").draw()
 }
 
 fn errors(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {

@@ -3,7 +3,7 @@
 use super::report;
 use crate::cli::Context;
 use crate::cli::sketch_input::in_metres;
-use crate::cli::train::{Bounds, train_with_progress};
+use crate::cli::train::{Bounds, detail_with_progress, train_with_progress};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
@@ -16,9 +16,11 @@ use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{LineMap, Sketch, samples};
+use crate::systems::pipeline::{add_detail, needed_detail};
 use crate::systems::region_gnn::Style;
 use crate::systems::region_gnn::style::{Source, StyleConfig};
 use crate::systems::registry;
+use crate::systems::singan::{DetailConfig, DetailUse};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -27,6 +29,8 @@ use std::time::{Duration, Instant};
 const EXEMPLARS: [&str; 2] = ["sierra", "grand-canyon"];
 /// The hand-drawn sketch: a ridge like a lambda inside a ring of valleys (Liu & Benes 2025, Fig. 10).
 const DRAWING: &str = "lambda-ring";
+/// Steps of a scale of the detail, quick and not: fewer than the default, so that the demo ends soon.
+const DETAIL_STEPS: [usize; 2] = [24, 150];
 /// Nodes of random lines in the enhanced version of the drawing (paper, 5.2).
 const RANDOM_NODES: usize = 40;
 
@@ -58,7 +62,8 @@ pub(super) struct Trained {
     pub(super) style: Style,
     /// The exemplar rebuilt from its own lines, metres.
     pub(super) rebuilt: Dem,
-    /// The drawing as terrain.
+    /// The drawing as terrain, without detail and with it.
+    pub(super) coarse: Dem,
     pub(super) drawn: Dem,
     /// The drawing with random lines (metres), and its terrain.
     pub(super) enhanced: (Sketch, Dem),
@@ -89,6 +94,8 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         config.model.epochs = 60;
         config.model.extractions = 4;
     }
+    let steps = DETAIL_STEPS[usize::from(!args.quick)];
+    let detail = DetailConfig { steps, ..DetailConfig::default() };
     let mut times = Vec::new();
     let mut timed = |label: String, started: Instant| times.push((label, started.elapsed()));
 
@@ -98,7 +105,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
         let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
-        let style = train_with_progress(
+        let mut style = train_with_progress(
             &source,
             &config,
             context,
@@ -106,6 +113,10 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
             Bounds::default(),
         )?;
         timed(format!("training on {name}"), started);
+        let started = Instant::now();
+        let label = format!("detail of {name}");
+        detail_with_progress(&mut style, &source, &detail, context, &label, Bounds::default())?;
+        timed(format!("training the detail of {name}"), started);
         let started = Instant::now();
         styles.push(draw_with(name, source, style, context)?);
         timed(format!("drawing in the style of {name}"), started);
@@ -121,7 +132,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         origins.sort_by_key(|c| c.distance_squared(exemplar));
         origins.truncate(3);
     }
-    let systems = registry::all(&first.style);
+    let systems = registry::all(&first.style)?;
     let protocol = EvaluationConfig {
         extraction: config.extraction.clone(),
         sketch_order: None,
@@ -161,15 +172,32 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let correction = style.info.config.generation.correction;
     let rebuilt = metres(&style.model.reconstruct(&lines, correction, style.info.seed)?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
+    let detail = needed_detail(&style)?;
+    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed);
     let terrain = |sketch: &Sketch| -> Result<Dem> {
-        Dem::new(style.generate(&sketch.rasterize(), None, context.seed)?, source.dem.cell_size())
+        let (coarse, lines) = (plain(sketch)?, sketch.rasterize());
+        let how = DetailUse::default();
+        let heights = add_detail(&coarse, &detail, range, Some(&lines), None, &how, context.seed)?;
+        Dem::new(heights, source.dem.cell_size())
     };
     let heights = Some((range.low(), range.high()));
     let random = RandomSketchConfig { nodes: RANDOM_NODES, height_range: heights, ..Default::default() };
     let richer = enhance(&drawing, &random, context.seed)?;
+    let coarse = Dem::new(plain(&drawing)?, source.dem.cell_size())?;
     let (drawn, enhanced) = (terrain(&drawing)?, terrain(&richer)?);
     let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
-    Ok(Trained { name, title, credit, source, lines, style, rebuilt, drawn, enhanced: (richer, enhanced) })
+    Ok(Trained {
+        name,
+        title,
+        credit,
+        source,
+        lines,
+        style,
+        rebuilt,
+        coarse,
+        drawn,
+        enhanced: (richer, enhanced),
+    })
 }
 
 /// Styles, sketches, terrain and scores beside the report.
@@ -180,6 +208,7 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
         s.style.save(&file("style.safetensors"))?;
         io::write(&s.source.dem, &file("exemplar.tif"), &options)?;
         io::write(&s.rebuilt, &file("rebuilt.tif"), &options)?;
+        io::write(&s.coarse, &file("drawn-without-detail.tif"), &options)?;
         io::write(&s.drawn, &file("drawn.tif"), &options)?;
         io::write(&s.enhanced.1, &file("drawn-with-random-lines.tif"), &options)?;
         let geo = s.source.dem.georeference();
@@ -194,13 +223,18 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
 fn commands(styles: &[Trained], quick: bool) -> Vec<String> {
     let mut commands = Vec::new();
     let settings = if quick { " --epochs 60 --set model.extractions=4" } else { "" };
+    let steps = DETAIL_STEPS[usize::from(!quick)];
     for s in styles {
         let e = &s.source.info;
         let crop = format!("--crop {},{},{}", e.row, e.col, e.rows);
         commands.push(format!("monadnock extract {} -o {}-exemplar.geojson {crop}", s.name, s.name));
-        commands.push(format!("monadnock train {} -o {}-style.safetensors {crop}{settings}", s.name, s.name));
+        commands.push(format!(
+            "monadnock train {} -o {}-style.safetensors {crop}{settings} --set detail.steps={steps}",
+            s.name, s.name
+        ));
         for (file, more) in [
             ("drawn", String::new()),
+            ("drawn-without-detail", " --no-detail".to_owned()),
             ("drawn-with-random-lines", format!(" --random-sketches {RANDOM_NODES}")),
         ] {
             commands.push(format!(

@@ -8,24 +8,12 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::Path;
 
 /// Key of the description in the file's metadata.
 const KEY: &str = "monadnock-training";
 /// Largest file that is read: weights three times over and a log.
 const LARGEST_FILE: u64 = 1 << 30;
-
-/// Where an unfinished training is kept.
-#[derive(Clone, Debug)]
-pub struct Checkpoints {
-    /// The file; replaced as a whole each time.
-    pub path: PathBuf,
-    /// Time between two checkpoints: what a kill can cost at most.
-    pub interval: Duration,
-    /// Continue from the file, where there is one.
-    pub resume: bool,
-}
 
 /// How far a training has come, its weights apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -23,8 +23,8 @@ pub mod style;
 mod train;
 mod trust;
 
+pub use crate::learn::Checkpoints;
 pub use blend::BlendUse;
-pub use checkpoint::Checkpoints;
 pub use config::{Preset, RegionGnnConfig};
 pub use edges::PassEdges;
 pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};

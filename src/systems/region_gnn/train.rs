@@ -3,7 +3,7 @@
 //! Each epoch draws one of the extractions, random edges, noise and masked parts, takes one step of Adam on the weighted
 //! losses, and reports. Cost: a forward and a backward pass an epoch, linear in pixels.
 
-use super::checkpoint::{self, Checkpoints, Progress};
+use super::checkpoint::{self, Progress};
 use super::config::{Base, HeightFrame, LossWeights, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::edges::PassEdges;
@@ -13,7 +13,7 @@ use super::network::{Network, Output};
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 use crate::interpolation::harmonic;
-use crate::learn::{Adam, Schedule};
+use crate::learn::{Adam, Checkpoints, Schedule};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};

@@ -160,9 +160,8 @@ impl DetailConfig {
         number("noise", f64::from(self.noise), 0.0, 1e3)
     }
 
-    /// Learning rate at a step, counted from 0.
-    pub(super) fn rate(&self, step: usize) -> f32 {
-        let share = step as f32 / self.steps as f32;
+    /// Learning rate after a share of a scale's training.
+    pub(super) fn rate(&self, share: f32) -> f32 {
         self.learning_rate
             * match self.decay {
                 Decay::Late => {

@@ -1,6 +1,8 @@
 //! SinGAN for terrain: detail that has the statistics of one exemplar (Rott Shaham et al. 2019; Liu & Benes 2025, 4.4).
 
 mod batch_norm;
+mod calibration;
+mod checkpoint;
 pub mod config;
 mod detail;
 mod network;
@@ -10,8 +12,8 @@ mod scale;
 mod train;
 
 pub use config::DetailConfig;
-pub use detail::{Detail, DetailInfo, DetailUse};
-pub use train::{StepReport, train};
+pub use detail::{Detail, DetailInfo, DetailRecord, DetailUse, ScaleInfo};
+pub use train::{Control, StepReport, train, train_with};
 
 #[cfg(test)]
 mod network_tests;

@@ -17,6 +17,21 @@ impl Adam {
         Self { beta, step: 0, mean: vec![0.0; values], square: vec![0.0; values] }
     }
 
+    /// Steps taken, means and squares of the gradients.
+    pub(super) fn state(&self) -> (usize, &[f32], &[f32]) {
+        (self.step as usize, &self.mean, &self.square)
+    }
+
+    /// Continues from a [`state`](Self::state) of the same number of values.
+    pub(super) fn restore(&mut self, step: usize, mean: Vec<f32>, square: Vec<f32>) {
+        assert_eq!(
+            (mean.len(), square.len()),
+            (self.mean.len(), self.square.len()),
+            "moments of this network"
+        );
+        (self.step, self.mean, self.square) = (step as i32, mean, square);
+    }
+
     /// One step against `gradient`.
     pub(super) fn update(&mut self, values: &mut [f32], gradient: &[f32], rate: f32) {
         self.step += 1;

@@ -1,7 +1,9 @@
 //! One scale of the generator: from the enlarged coarser map and noise to this scale's map, tile by tile.
 
-use super::config::View;
-use super::network::{Network, REACH, Tape};
+use super::config::{DetailConfig, View};
+use super::detail::ScaleInfo;
+use super::network::{Network, REACH, Shape, Tape};
+use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::learn::convolution::Plane;
 use rayon::prelude::*;
@@ -181,6 +183,46 @@ pub(super) struct Scale {
 }
 
 impl Scale {
+    /// What it is beside its weights.
+    pub(super) fn info(&self) -> ScaleInfo {
+        let r = self.residual;
+        ScaleInfo {
+            noise: self.noise,
+            output: r.scale,
+            slope: r.slope_of_exemplar,
+            slope_of_twins: r.slope_of_twins,
+        }
+    }
+
+    /// The scale `index` that [`info`](Self::info) and `values` came from.
+    pub(super) fn from_info(
+        config: &DetailConfig,
+        index: usize,
+        info: &ScaleInfo,
+        values: Vec<f32>,
+    ) -> Result<Self> {
+        let view = config.view;
+        let gain = if view == View::Slopes { info.slope.recip() } else { 1.0 };
+        let lens = Lens { view, gain };
+        let width = if index < 4 { config.width } else { config.fine_width };
+        let shape = Shape { inputs: lens.generator_inputs(), width, batch_norm: false };
+        let good = values.len() == shape.value_count() && values.iter().all(|v| v.is_finite());
+        let slopes = [info.slope, info.slope_of_twins];
+        let positive = slopes.iter().all(|s| s.is_finite() && *s > 0.0);
+        if !(good && positive && info.noise.is_finite() && info.output.is_finite()) {
+            let allowed = format!("allowed: {} finite values and positive slopes", shape.value_count());
+            return Err(Error::value(format!("detail of scale {index}"), values.len(), allowed));
+        }
+        let residual = Residual {
+            view,
+            scale: info.output,
+            slope_of_exemplar: info.slope,
+            slope_of_twins: info.slope_of_twins,
+        };
+        let net = Network { shape, values, running: Vec::new() };
+        Ok(Self { net, lens, residual, noise: info.noise })
+    }
+
     /// This scale's map from the enlarged coarser one. `field`: noise in the generator's frame.
     pub(super) fn apply(&self, up: &Grid<f32>, field: Option<&Grid<f32>>, amplitude: f32) -> Grid<f32> {
         self.apply_tiled(up, field, amplitude, TILE)

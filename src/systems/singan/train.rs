@@ -5,6 +5,7 @@
 //! Every random number is drawn from the seed by the name of its scale and use, so that the same bytes come out for any number
 //! of threads.
 
+use super::checkpoint;
 use super::config::{DetailConfig, View};
 use super::detail::Detail;
 use super::network::{LAYERS, Network, Shape, Tape};
@@ -14,12 +15,14 @@ use super::scale::{Lens, Noise, Residual, Scale};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
+use crate::learn::Checkpoints;
 use crate::learn::convolution::Plane;
-use crate::metrics::mean_square_slope;
+use crate::metrics::{mean_square_slope, psnr};
 use crate::seed::{Seed, Stream};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
 
 /// What a training step says of itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,20 +39,58 @@ pub struct StepReport {
     pub penalty: f64,
     /// Mean squared reconstruction error in the loss's unit.
     pub reconstruction: f64,
+    /// Seconds of the training so far, those before a resumption included.
+    pub seconds: f64,
 }
 
-/// Trains every scale on `heights` (0 to 1). `twins` are coarse versions of the same ground, such as a coarse model makes them
-/// (any number, also none): the samples that begin at a coarser scale begin with one of them as often as with the exemplar
-/// itself, and part of the reconstruction begins with one. `progress` hears of every step.
+/// How a training is watched, bounded and kept.
+pub struct Control<'a> {
+    /// Hears of every step.
+    pub progress: &'a mut dyn FnMut(&StepReport),
+    /// Time for the whole training: every scale gets its share by the cost of its steps, its schedule follows the clock, and
+    /// `steps` of the configuration is not looked at.
+    pub budget: Option<Duration>,
+    /// Where the state is kept meanwhile.
+    pub checkpoints: Option<Checkpoints>,
+}
+
+impl<'a> Control<'a> {
+    /// No budget and no checkpoints.
+    pub fn new(progress: &'a mut dyn FnMut(&StepReport)) -> Self {
+        Self { progress, budget: None, checkpoints: None }
+    }
+}
+
+/// [`train_with`] without budget and checkpoints.
 ///
 /// # Errors
-/// When a setting is out of range, the exemplar is smaller than 16 cells or level, or a loss stops being finite.
+/// As there.
 pub fn train(
     heights: &Grid<f32>,
     twins: &[Grid<f32>],
     config: &DetailConfig,
     seed: Seed,
     mut progress: impl FnMut(&StepReport),
+) -> Result<Detail> {
+    train_with(heights, twins, config, seed, Control::new(&mut progress))
+}
+
+/// Trains every scale on `heights` (0 to 1). `twins` are coarse versions of the same ground, such as a coarse model makes them
+/// (any number, also none): the samples that begin at a coarser scale begin with one of them as often as with the exemplar
+/// itself, and part of the reconstruction begins with one.
+///
+/// A training that was interrupted and resumed ends with the same weights as one that was not, unless a budget ties the
+/// schedule to the clock.
+///
+/// # Errors
+/// When a setting is out of range, the exemplar is smaller than 16 cells or level, a loss stops being finite, or a checkpoint
+/// cannot be written or does not belong to this training.
+pub fn train_with(
+    heights: &Grid<f32>,
+    twins: &[Grid<f32>],
+    config: &DetailConfig,
+    seed: Seed,
+    control: Control<'_>,
 ) -> Result<Detail> {
     config.validate()?;
     let (rows, cols) = heights.shape();
@@ -66,37 +107,82 @@ pub fn train(
         sizes.iter().map(|&(r, c)| resample(&heights, r, c)).collect()
     };
     let pyramid = scaled(heights);
+    let identity = checkpoint::identity(heights, twins, config, seed);
     let twins: Vec<Vec<Grid<f32>>> = twins.iter().map(scaled).collect();
     if mean_square_slope(heights) <= 0.0 {
         return Err(Error::value("relief of the exemplar", 0, "level ground has no detail to learn"));
     }
     let mut detail = Detail::empty(config.clone(), sizes.clone());
-    let mut critic: Option<Network> = None;
-    let mut generator: Option<Network> = None;
-    let mut rebuilt: Option<Grid<f32>> = None;
-    for scale in 0..sizes.len() {
+    detail.fixed_noise = seed.derive_indexed("scale", 0);
+    let kept = control.checkpoints.as_ref().filter(|c| c.resume && c.path.exists());
+    let mut resumed = kept.map(|c| checkpoint::load(&c.path, &identity, config)).transpose()?;
+    let (mut first, mut spent) = (0, 0.0);
+    if let Some(state) = &mut resumed {
+        (first, spent) = (state.progress.steps.len(), state.progress.seconds);
+        detail.scales = std::mem::take(&mut state.scales);
+        detail.record.steps.clone_from(&state.progress.steps);
+    }
+    let begun = Instant::now();
+    let elapsed = || spent + begun.elapsed().as_secs_f64();
+    let work = config.work(rows, cols);
+    let all_work = work.iter().sum::<u64>() as f64;
+    let mut before: Option<(Network, Network)> = None;
+    let mut saved = Instant::now();
+    for scale in first..sizes.len() {
         let seed = seed.derive_indexed("scale", scale);
-        let up = rebuilt.as_ref().map_or_else(
-            || pyramid[0].map(|_| 0.0),
-            |coarser| resample(coarser, sizes[scale].0, sizes[scale].1),
-        );
+        let up = match scale {
+            0 => pyramid[0].map(|_| 0.0),
+            _ => resample(&detail.rebuilt(), sizes[scale].0, sizes[scale].1),
+        };
         let mut room = Room::new(config, &pyramid[..=scale], &twins, &detail, up, seed);
-        room.begin(generator.as_ref(), critic.as_ref());
-        for step in 0..config.steps {
-            let report = StepReport { scale, scales: sizes.len(), ..room.step(step) };
+        if let Some((generator, critic)) = &before {
+            room.begin(generator, critic);
+        }
+        let (mut step, mut scale_spent) = (0, 0.0);
+        if let Some(state) = resumed.take() {
+            (step, scale_spent) = (state.progress.step, state.progress.scale_seconds);
+            room.restore(state)?;
+        }
+        let scale_begun = Instant::now();
+        let time = control.budget.map(|b| b.as_secs_f64() * work[scale] as f64 / all_work);
+        loop {
+            let seconds = scale_spent + scale_begun.elapsed().as_secs_f64();
+            // Of a budget every scale gets at least one step.
+            let share = time.map_or(step as f64 / config.steps as f64, |t| seconds / t.max(1e-9));
+            if share >= 1.0 && (step > 0 || time.is_none()) {
+                break;
+            }
+            let report = room.step(step, share.min(1.0) as f32);
+            let report = StepReport { scale, scales: sizes.len(), seconds: elapsed(), ..report };
             let finite = [report.critic, report.penalty, report.reconstruction];
             if let Some(&value) = finite.iter().find(|v| !v.is_finite()) {
                 let epoch = scale * config.steps + step;
                 return Err(Error::Diverged { epoch, what: "a loss of the detail model", value });
             }
-            progress(&report);
+            step += 1;
+            (control.progress)(&report);
+            if let Some(c) = control.checkpoints.as_ref().filter(|c| saved.elapsed() >= c.interval) {
+                let progress = checkpoint::Progress {
+                    identity: identity.clone(),
+                    steps: detail.record.steps.clone(),
+                    step,
+                    seconds: elapsed(),
+                    scale_seconds: scale_spent + scale_begun.elapsed().as_secs_f64(),
+                    scales: detail.scales.iter().map(Scale::info).collect(),
+                    optimizer_steps: [0, 1].map(|i: usize| room.optimizers[i].state().0),
+                };
+                checkpoint::save(&c.path, &progress, &detail.scales, &room.state())?;
+                saved = Instant::now();
+            }
         }
         let trained = room.trained();
-        rebuilt = Some(trained.apply(&room.rec_up, room.rec_noise.as_ref(), 1.0));
-        (generator, critic) = (Some(room.generator), Some(room.critic));
+        before = Some((room.generator, room.critic));
         detail.scales.push(trained);
+        detail.record.steps.push(step);
     }
-    detail.fixed_noise = seed.derive_indexed("scale", 0);
+    detail.record.seconds = elapsed();
+    let rebuilt = detail.reconstruct().map(|z| z.clamp(0.0, 1.0));
+    detail.record.psnr = psnr(&rebuilt, heights, &heights.map(|_| true), 1.0)?;
     Ok(detail)
 }
 
@@ -136,6 +222,7 @@ struct Room<'a> {
     judges: Tape,
     penalty: Penalty,
     d_judged: Plane,
+    seed: Seed,
     draws: Stream,
 }
 
@@ -195,20 +282,62 @@ impl<'a> Room<'a> {
             generator,
             critic,
             draws: seed.stream("training"),
+            seed,
         }
     }
 
     /// Starts from the weights of the scale before where the widths agree (SinGAN's published code).
-    fn begin(&mut self, generator: Option<&Network>, critic: Option<&Network>) {
+    fn begin(&mut self, generator: &Network, critic: &Network) {
         for (net, before) in [(&mut self.generator, generator), (&mut self.critic, critic)] {
-            if let Some(before) = before.filter(|before| before.shape == net.shape) {
+            if before.shape == net.shape {
                 *net = before.clone();
             }
         }
     }
 
-    fn step(&mut self, step: usize) -> StepReport {
-        let rate = self.config.rate(step);
+    /// Everything that the steps so far have changed, by name.
+    fn state(&self) -> Vec<(String, &[f32])> {
+        let mut state = Vec::new();
+        for ((name, net), adam) in self.networks().into_iter().zip(&self.optimizers) {
+            let (_, mean, square) = adam.state();
+            for (what, values) in [("values", &net.values[..]), ("mean", mean), ("square", square)] {
+                state.push((format!("{name}.{what}"), values));
+            }
+            for (i, moments) in net.running.iter().enumerate() {
+                state.push((format!("{name}.running.{i}.mean"), &moments.mean[..]));
+                state.push((format!("{name}.running.{i}.variance"), &moments.variance[..]));
+            }
+        }
+        state
+    }
+
+    fn networks(&self) -> [(&'static str, &Network); 2] {
+        [("generator", &self.generator), ("critic", &self.critic)]
+    }
+
+    /// Continues from a [`state`](Self::state) that was read.
+    fn restore(&mut self, mut state: checkpoint::State) -> Result<()> {
+        let steps = state.progress.optimizer_steps;
+        for (i, (name, net)) in
+            [("generator", &mut self.generator), ("critic", &mut self.critic)].into_iter().enumerate()
+        {
+            let count = net.values.len();
+            net.values = state.take(&format!("{name}.values"), count)?;
+            let mean = state.take(&format!("{name}.mean"), count)?;
+            self.optimizers[i].restore(steps[i], mean, state.take(&format!("{name}.square"), count)?);
+            for (l, moments) in net.running.iter_mut().enumerate() {
+                let count = moments.mean.len();
+                moments.mean = state.take(&format!("{name}.running.{l}.mean"), count)?;
+                moments.variance = state.take(&format!("{name}.running.{l}.variance"), count)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, step: usize, share: f32) -> StepReport {
+        let rate = self.config.rate(share);
+        // A stream of its own for every step: an interrupted training needs no position in it.
+        self.draws = self.seed.derive_indexed("training step", step).stream("draws");
         let (mut critic, mut penalty, mut reconstruction) = (0.0, 0.0, 0.0);
         let (mut fake, mut up) = (None, None);
         for _ in 0..self.config.critic_steps {
@@ -223,7 +352,7 @@ impl<'a> Room<'a> {
             let made = made.unwrap_or_else(|| self.make(&up.0, Some(&up.1)));
             reconstruction = self.teach_generator(&made, rate);
         }
-        StepReport { scale: 0, scales: 0, step, critic, penalty, reconstruction }
+        StepReport { scale: 0, scales: 0, step, critic, penalty, reconstruction, seconds: 0.0 }
     }
 
     /// An enlarged coarser map to add detail to, and noise.

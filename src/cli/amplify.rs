@@ -1,0 +1,63 @@
+//! `monadnock amplify`: terrain becomes finer, with a style's detail below its cells.
+
+use super::Context;
+use super::args::{DemInput, check_output, keep_inputs};
+use crate::dem::io::{self, WriteOptions};
+use crate::error::Result;
+use crate::systems::pipeline::{amplify, needed_detail};
+use crate::systems::region_gnn::Style;
+use crate::systems::singan::DetailUse;
+use std::path::PathBuf;
+
+/// Arguments of `amplify`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  monadnock amplify alps.safetensors coarse.tif --factor 4 -o fine.tif
+  monadnock --seed 7 amplify alps.safetensors coarse.tif --factor 2 -o other.tif --strength 0.7
+
+Every cell becomes FACTOR x FACTOR cells. Forms of the size of the old cells and larger stay; smaller ones are the style's,
+as rough as the terrain itself is beside the style's exemplar. Cell size and georeference follow; voids stay voids.")]
+pub(super) struct AmplifyArgs {
+    /// The style, as written by `train`
+    style: PathBuf,
+    #[command(flatten)]
+    dem: DemInput,
+    /// New cells along the side of an old one: 2, 4 or 8
+    #[arg(long, value_name = "N", value_parser = factor)]
+    factor: u8,
+    /// The terrain to write
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Roughness: 0 none, 1 the style's own
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
+    strength: f32,
+}
+
+fn factor(text: &str) -> Result<u8, String> {
+    match text.trim() {
+        "2" => Ok(2),
+        "4" => Ok(4),
+        "8" => Ok(8),
+        _ => Err("allowed: 2, 4, 8".to_owned()),
+    }
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Whatever is wrong with the style, the terrain or the output path.
+pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
+    let style = Style::load(&args.style)?;
+    let detail = needed_detail(&style).map_err(|e| e.in_file(&args.style))?;
+    check_output(&args.output)?;
+    keep_inputs(&args.output, &[&args.style, &args.dem.dem])?;
+    io::check_name(&args.output)?;
+    let dem = args.dem.load(&context.console)?;
+    let how = DetailUse { strength: args.strength, ..DetailUse::default() };
+    let factor = usize::from(args.factor);
+    let fine = amplify(&dem, &detail, style.info.normalization, factor, &how, context.seed)?;
+    io::write(&fine, &args.output, &WriteOptions::default())?;
+    let ((rows, cols), (low, high)) = (fine.shape(), fine.range());
+    context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));
+    Ok(())
+}

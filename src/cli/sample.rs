@@ -1,0 +1,48 @@
+//! `monadnock sample`: terrain of a style from noise alone.
+
+use super::Context;
+use super::args::{check_output, keep_inputs, size};
+use crate::dem::io::{self, WriteOptions};
+use crate::dem::{CellSize, Dem};
+use crate::error::Result;
+use crate::systems::pipeline::needed_detail;
+use crate::systems::region_gnn::Style;
+use std::path::PathBuf;
+
+/// Arguments of `sample`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  monadnock sample alps.safetensors --size 256x256 -o alps-like.tif
+  monadnock --seed 2 sample alps.safetensors --size 512x1024 -o another.tif
+
+The terrain has no plan: its large forms are drawn like its small ones. Every --seed gives another.")]
+pub(super) struct SampleArgs {
+    /// The style, as written by `train`
+    style: PathBuf,
+    /// Cells of the map, as HEIGHTxWIDTH
+    #[arg(long, value_name = "HxW", value_parser = size)]
+    size: (usize, usize),
+    /// The terrain to write
+    #[arg(short, long)]
+    output: PathBuf,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// Whatever is wrong with the style or the output path.
+pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
+    let style = Style::load(&args.style)?;
+    let detail = needed_detail(&style).map_err(|e| e.in_file(&args.style))?;
+    check_output(&args.output)?;
+    keep_inputs(&args.output, &[&args.style])?;
+    io::check_name(&args.output)?;
+    let range = style.info.normalization;
+    let unit = detail.sample(args.size.0, args.size.1, context.seed)?;
+    let [x, y] = style.info.exemplar.cell_size;
+    let dem = Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), CellSize::new(x, y)?)?;
+    io::write(&dem, &args.output, &WriteOptions::default())?;
+    let ((rows, cols), (low, high)) = (dem.shape(), dem.range());
+    context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));
+    Ok(())
+}
