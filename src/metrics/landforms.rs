@@ -168,8 +168,8 @@ mod tests {
         // Both are slopes everywhere but at the frame.
         assert!(geomorphon_distance(&east, &north, &valid).unwrap() < 0.3);
         let level = Grid::filled(20, 20, 1.0);
-        // A ramp has no flat cell, not even at the frame.
-        assert_eq!(geomorphon_distance(&level, &north, &valid).unwrap(), 1.0);
+        // Of a ramp only the four corners of 400 cells, which see too little, count as flat.
+        assert!((geomorphon_distance(&level, &north, &valid).unwrap() - 0.99).abs() < 1e-9);
         assert!(aspect_distance(&level, &north, &valid).is_err());
         assert!(geomorphon_distance(&north, &level, &valid).is_err());
     }
