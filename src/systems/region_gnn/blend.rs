@@ -61,6 +61,8 @@ const CAUTION: [f64; 2] = [0.4, 1.6];
 /// What the blend needs to know of a sketch.
 #[derive(Clone, Debug)]
 pub(super) struct Blend {
+    /// How much of the blend is taken, above 0; 1 but for thin sketches.
+    amount: f32,
     /// (inside, at the border) shares of the model's deviation, one a pixel; the first without the caution c.
     share: Vec<[f32; 2]>,
     /// 1 inside, 0 at the border, between them between; 0 on lines.
@@ -92,8 +94,13 @@ impl Blend {
         let (membrane, plate) = (harmonic(&mask, &heights)?, biharmonic(&mask, &heights)?);
         let planes = delaunay_linear(lines)?;
         let (rows, cols) = lines.shape();
-        let mut blend =
-            Self { share: Vec::new(), inside: Vec::new(), membrane: Vec::new(), others: Vec::new() };
+        let mut blend = Self {
+            amount: amount as f32,
+            share: Vec::new(),
+            inside: Vec::new(),
+            membrane: Vec::new(),
+            others: Vec::new(),
+        };
         for ((cell, &d), &base) in distances.cells().zip(base) {
             let inside = inside(cell, (rows, cols));
             let x = d / mean;
@@ -107,6 +114,11 @@ impl Blend {
             blend.others.push((amount * weights.zip(above).map(|(w, z)| w * z).sum::<f64>()) as f32);
         }
         Ok(Some(blend))
+    }
+
+    /// How much of the blend is taken: 1, or less for thin sketches.
+    pub(super) fn amount(&self) -> f32 {
+        self.amount
     }
 
     /// The blended heights of a model's, one a pixel.

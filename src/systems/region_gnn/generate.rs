@@ -49,7 +49,8 @@ pub struct GenerationConfig {
     /// Refinement of the matched embeddings; none keeps them.
     pub fine_tuning: Option<FineTuning>,
     /// Groups into which the strokes of a sketch are dealt; each in turn is kept from an anchored model, to see how
-    /// much of its deviation from the base these strokes confirm (`trust`). 0 trusts the model as it is.
+    /// much of its deviation from the base these strokes confirm (`trust`); only where the blend fades or is not taken. 0
+    /// trusts the model as it is.
     pub folds: usize,
     /// When the model's deviation is weighted by place and blended with other surfaces (`blend`); anchored models only.
     pub blend: BlendUse,
@@ -143,14 +144,17 @@ impl RegionGnn {
             (_, correction) => finish(lines, sum, correction)?,
         };
         let Some(base) = frame.base() else { return Ok(corrected) };
-        let blended = match Blend::new(config.blend, lines, base)? {
+        let blend = Blend::new(config.blend, lines, base)?;
+        let blended = match &blend {
             Some(blend) => Grid::from_vec(rows, cols, blend.apply(base, corrected.as_slice()))?,
             None => corrected,
         };
-        if config.folds == 0 {
+        // Where lines lie close the blend has its own caution, and strokes held out say little of them.
+        let doubt = blend.map_or(1.0, |blend| 1.0 - blend.amount());
+        if config.folds == 0 || doubt == 0.0 {
             return Ok(blended);
         }
-        let trust = self.trust(lines, config, seed)?;
+        let trust = 1.0 - doubt * (1.0 - self.trust(lines, config, seed)?);
         Ok(Grid::from_fn(rows, cols, |c| {
             let base = base[c.row * cols + c.col];
             base + trust * (blended[c] - base)
