@@ -15,8 +15,10 @@ use std::time::Duration;
 
 /// Windows with more cells than this are not taken whole: training costs about 1 kB a cell and extraction.
 const LARGEST_WHOLE: usize = 192 * 192;
-/// Share of a budget that the coarse model gets: both reach their plateau in about this proportion.
+/// Share of a long budget that the coarse model gets: both reach their plateau in about this proportion.
 const COARSE_SHARE: f64 = 0.3;
+/// Seconds in which the coarse model comes near its plateau on two cores; a short budget gives it half of itself, up to these.
+const COARSE_SECONDS: f64 = 30.0;
 
 /// Arguments of `train`.
 #[derive(Debug, clap::Args)]
@@ -32,7 +34,9 @@ const COARSE_SHARE: f64 = 0.3;
 
 Two models are trained, one after the other: the coarse one, which turns lines into terrain, and the detail, which adds the
 small forms that lines leave open. The style is written after the first and again after the second, so that it can be used
-whatever happens. A --budget is for both: 3 tenths for the coarse model, the rest for the detail.
+whatever happens. A --budget is for both: half of it, up to 30 s, and at least 3 tenths for the coarse model, the rest for
+the detail. With --preset paper, which is there to compare coarse models, detail is trained only when --detail-preset or a
+key of [detail] asks for it.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
 detail), which is removed at the end. A training that was killed continues from there with --resume and the same
@@ -63,9 +67,9 @@ pub(super) struct TrainArgs {
     /// Leave out the detail: terrain then keeps only the forms that its lines say
     #[arg(long)]
     no_detail: bool,
-    /// Named configuration of the detail: ours, or paper (SinGAN as published: hours)
-    #[arg(long, value_enum, default_value = "ours", conflicts_with = "no_detail")]
-    detail_preset: DetailPresetName,
+    /// Named configuration of the detail: ours (the default), or paper (SinGAN as published: hours)
+    #[arg(long, value_enum, conflicts_with = "no_detail")]
+    detail_preset: Option<DetailPresetName>,
     /// Training steps of the coarse model
     #[arg(long, conflicts_with = "budget")]
     epochs: Option<usize>,
@@ -101,11 +105,13 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         PresetName::Anchored => Preset::Anchored,
         PresetName::Paper => Preset::Paper,
     };
-    let detail = match args.detail_preset {
-        DetailPresetName::Ours => DetailConfig::default(),
-        DetailPresetName::Paper => DetailConfig::paper(),
+    let named = match args.detail_preset {
+        None | Some(DetailPresetName::Ours) => DetailConfig::default(),
+        Some(DetailPresetName::Paper) => DetailConfig::paper(),
     };
-    let (config, detail) = resolve(preset, &detail, args.config.as_deref(), &args.set, args.epochs)?;
+    let (config, detail) = resolve(preset, &named, args.config.as_deref(), &args.set, args.epochs)?;
+    let asked = args.detail_preset.is_some() || detail != named;
+    let with_detail = !args.no_detail && (asked || preset != Preset::Paper);
     let dem = args.dem.load(&context.console)?;
     check_output(&args.output)?;
     keep_inputs(&args.output, &[&args.dem.dem])?;
@@ -128,8 +134,10 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         }
         _ => {}
     }
-    let bounds = |path: &Path, share: f64| Bounds {
-        budget: args.budget.map(|budget| budget.mul_f64(share)),
+    let coarse_budget = args.budget.map(|all| if with_detail { coarse_share(all) } else { all });
+    let detail_budget = args.budget.map(|all| all - coarse_share(all));
+    let bounds = |path: &Path, budget: Option<Duration>| Bounds {
+        budget,
         checkpoints: Some(Checkpoints {
             path: path.to_owned(),
             interval: args.checkpoint_every,
@@ -137,23 +145,23 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         }),
     };
     // A checkpoint of the detail means that the coarse model is done, and it is in the output.
-    let mut style = if args.resume && detail_file.exists() && !args.no_detail {
+    let mut style = if args.resume && detail_file.exists() && with_detail {
         let style = Style::load(&args.output)?;
         let config = args.budget.is_none().then_some(&config);
         continues(&style, &source, config, context.seed).map_err(|e| e.in_file(&args.output))?;
         style
     } else {
-        let share = if args.no_detail { 1.0 } else { COARSE_SHARE };
-        let label = if args.no_detail { "training" } else { "training, 1 of 2: coarse model" };
-        let trained = train_with_progress(&source, &config, context, label, bounds(&coarse_file, share));
+        let label = if with_detail { "training, 1 of 2: coarse model" } else { "training" };
+        let bounds = bounds(&coarse_file, coarse_budget);
+        let trained = train_with_progress(&source, &config, context, label, bounds);
         told_of_divergence(&trained, &coarse_file, "model", context);
         let style = trained?;
         style.save(&args.output)?;
         remove(&coarse_file)?;
         style
     };
-    if !args.no_detail {
-        let bounds = bounds(&detail_file, 1.0 - COARSE_SHARE);
+    if with_detail {
+        let bounds = bounds(&detail_file, detail_budget);
         let label = "training, 2 of 2: detail";
         let learned = detail_with_progress(&mut style, &source, &detail, context, label, bounds);
         told_of_divergence(&learned, &detail_file, "detail", context);
@@ -162,6 +170,12 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         remove(&detail_file)?;
     }
     report(&style, &args.output, context)
+}
+
+/// What the coarse model gets of a budget for both.
+fn coarse_share(all: Duration) -> Duration {
+    let seconds = all.as_secs_f64();
+    Duration::from_secs_f64((COARSE_SHARE * seconds).max((0.5 * seconds).min(COARSE_SECONDS)))
 }
 
 fn report(style: &Style, output: &Path, context: &Context) -> Result<()> {
@@ -349,6 +363,13 @@ fn both(
 mod tests {
     use super::*;
     use crate::systems::region_gnn::config::Base;
+
+    #[test]
+    fn a_short_budget_is_halved_and_a_long_one_goes_to_the_detail() {
+        let share = |seconds: u64| coarse_share(Duration::from_secs(seconds)).as_secs_f64();
+        assert_eq!([20, 60, 100].map(share), [10.0, 30.0, 30.0]);
+        assert!((share(300) - 90.0).abs() < 1e-9);
+    }
 
     #[test]
     fn settings_overlay_the_preset_and_bad_ones_are_named() {

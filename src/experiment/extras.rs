@@ -92,11 +92,12 @@ pub(super) fn stages(
     styles.dedup();
     styles.sort_unstable();
     styles.dedup();
+    type Seconds = fn(&TrainingRow) -> f64;
     for style in styles {
         let of: Vec<&TrainingRow> =
             trainings.iter().filter(|t| t.style == style && t.error.is_empty()).collect();
-        let values = |f: fn(&TrainingRow) -> f64| mean(&of.iter().map(|t| f(t)).collect::<Vec<_>>());
-        let stages: [(&str, fn(&TrainingRow) -> f64); 3] = [
+        let values = |f: Seconds| mean(&of.iter().map(|t| f(t)).collect::<Vec<_>>());
+        let stages: [(&str, Seconds); 3] = [
             ("preparation of a training", |t| t.preparation_seconds),
             ("an epoch", |t| t.seconds_per_epoch),
             ("a training", |t| t.seconds),

@@ -220,8 +220,11 @@ mod tests {
             for (cell, _) in turned.cells() {
                 if let Some(back) = way.back(&turned, cell) {
                     compared += 1;
-                    let expected = height(cell.col as f64, cell.row as f64);
-                    assert!((back - expected).abs() < 0.011, "{s:?} {cell:?}: {back} {expected}");
+                    let (x, y) = (cell.col as f64, cell.row as f64);
+                    // Between cells: the tip is cut off by at most half a cell's diagonal, the flank hardly.
+                    let at_tip = (x - 35.0).hypot(y - 29.0) < 1.5;
+                    let (expected, most) = (height(x, y), if at_tip { 0.0142 } else { 0.0025 });
+                    assert!((back - expected).abs() < most, "{s:?} {cell:?}: {back} {expected}");
                 }
             }
             assert!(compared > 500, "{s:?}: {compared}");

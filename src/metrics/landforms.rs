@@ -53,8 +53,8 @@ const FORMS: [[usize; 9]; 9] = {
 /// When the shapes differ, a valid value is not finite, or one of both is level.
 pub fn aspect_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
     check_pair(output, truth, valid)?;
-    let shares = |name: &str, terrain: &Grid<f32>| -> Result<Vec<f64>> {
-        let mut shares = vec![0.0; DIRECTIONS];
+    let shares = |name: &str, terrain: &Grid<f32>| -> Result<[f64; DIRECTIONS]> {
+        let mut shares = [0.0; DIRECTIONS];
         let (rows, cols) = terrain.shape();
         for (cell, _) in valid.cells().filter(|(_, ok)| **ok) {
             let at = |code| {
@@ -71,7 +71,7 @@ pub fn aspect_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> R
         if sum <= 0.0 {
             return Err(Error::value(format!("slopes of the {name}"), sum, "level ground faces nowhere"));
         }
-        Ok(shares.iter().map(|s| s / sum).collect())
+        Ok(shares.map(|s| s / sum))
     };
     Ok(apart(&shares("output", output)?, &shares("truth", truth)?))
 }

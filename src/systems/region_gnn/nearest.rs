@@ -141,7 +141,7 @@ impl PartCells {
         if found.len() > MOST_CANDIDATES {
             return None;
         }
-        let mut cells: Vec<u32> = found.iter().map(|n| n.item as u32).collect();
+        let mut cells: Vec<u32> = found.iter().map(|n| n.item).collect();
         cells.sort_unstable();
         Some(cells)
     }

@@ -19,7 +19,14 @@ pub struct Scatter {
     title: String,
     x: String,
     y: String,
-    groups: Vec<(String, Vec<(f64, f64)>, Rgb)>,
+    groups: Vec<Group>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Group {
+    name: String,
+    points: Vec<(f64, f64)>,
+    colour: Rgb,
 }
 
 const WIDTH: f64 = 860.0;
@@ -51,7 +58,7 @@ impl Scatter {
         points: impl IntoIterator<Item = (f64, f64)>,
         colour: Rgb,
     ) -> Self {
-        self.groups.push((name.into(), points.into_iter().collect(), colour));
+        self.groups.push(Group { name: name.into(), points: points.into_iter().collect(), colour });
         self
     }
 
@@ -60,7 +67,7 @@ impl Scatter {
     /// # Errors
     /// When there is no point, or one is not finite.
     pub fn draw(&self) -> Result<Svg> {
-        let all = || self.groups.iter().flat_map(|(_, points, _)| points.iter().copied());
+        let all = || self.groups.iter().flat_map(|group| group.points.iter().copied());
         if all().next().is_none() {
             return Err(Error::value("number of points", 0, "a plot needs at least one"));
         }
@@ -73,7 +80,7 @@ impl Scatter {
             let x = Axis::around(all().map(|p| p.0), false, LEFT, RIGHT);
             let y = Axis::around(all().map(|p| p.1), false, BOTTOM, TOP);
             self.frame(canvas, &x, &y);
-            for (i, (name, points, colour)) in self.groups.iter().enumerate() {
+            for (i, Group { name, points, colour }) in self.groups.iter().enumerate() {
                 for &(px, py) in points {
                     canvas.disc((x.at(px), y.at(py)), 3.4, *colour, 0.75);
                 }
