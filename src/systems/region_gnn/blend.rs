@@ -11,7 +11,7 @@
 //! between close lines and not far enough beyond the outermost ones, and where the surfaces differ their differences tell
 //! something that the model does not know. The numbers are least squares over patches of three areas that no
 //! training saw (`docs/papers/region_gnn.md`), one set for all sketches;
-//! for very thin ones the blend fades ([`FADE`]). Lines keep their heights, because every surface passes
+//! for very thin ones the blend fades (`FADE`). Lines keep their heights, because every surface passes
 //! through them.
 
 use crate::error::Result;
