@@ -166,18 +166,19 @@ fn as_json(evaluation: &Evaluation) -> serde_json::Value {
     serde_json::json!({ "systems": means, "rows": evaluation.rows })
 }
 
-/// Whether a system's terrain is of the true kind: means over patches.
+/// Whether a system's terrain is of the true kind: means over the patches where a value exists, none where it nowhere does.
 #[derive(Debug, serde::Serialize)]
 struct Kind {
     system: String,
-    sliced_wasserstein: f64,
-    aspect_distance: f64,
-    geomorphon_distance: f64,
+    sliced_wasserstein: Option<f64>,
+    aspect_distance: Option<f64>,
+    geomorphon_distance: Option<f64>,
     /// Of trained systems, on the DEM of the exemplar.
     copied_share: Option<f64>,
 }
 
-/// The kinds of all systems that rebuilt a patch.
+/// The kinds of all systems that rebuilt a patch. What a patch has no answer to (level ground faces nowhere) is left out
+/// there: the scores of an evaluation are not lost for it.
 fn kinds(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Kind>> {
     let e = &style.info.exemplar;
     let exemplar = if fingerprint(dem) == e.source_sha256 {
@@ -185,41 +186,36 @@ fn kinds(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Kind>>
     } else {
         None
     };
-    let mut all = Vec::new();
     let names = evaluation.patches.first().map(|patch| &patch.outputs).into_iter().flatten();
-    for (i, (name, _)) in names.enumerate() {
-        let of_patch = |patch: &Rebuilt| -> Option<Result<[f64; 4]>> {
+    let kind = |(i, (name, _)): (usize, &(String, Option<Grid<f32>>))| {
+        let audited = exemplar.as_ref().filter(|_| name.starts_with("gnn"));
+        let of_patch = |patch: &Rebuilt| -> Option<[Option<f64>; 4]> {
             let output = patch.outputs[i].1.as_ref()?;
             let (truth, valid) = (&patch.truth, &patch.valid);
-            let copied = || match exemplar.as_ref().filter(|_| name.starts_with("gnn")) {
-                Some(exemplar) => {
-                    let metres = output.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
-                    copy_audit(&metres, exemplar.heights()).map(|audit| audit.copied_share)
-                }
-                None => Ok(f64::NAN),
-            };
-            let all = || -> Result<[f64; 4]> {
-                Ok([
-                    sliced_wasserstein(output, truth, valid)?,
-                    aspect_distance(output, truth, valid)?,
-                    geomorphon_distance(output, truth, valid)?,
-                    copied()?,
-                ])
-            };
-            Some(all())
+            let copied = audited.and_then(|exemplar| {
+                let metres = output.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
+                copy_audit(&metres, exemplar.heights()).ok().map(|audit| audit.copied_share)
+            });
+            Some([
+                sliced_wasserstein(output, truth, valid).ok(),
+                aspect_distance(output, truth, valid).ok(),
+                geomorphon_distance(output, truth, valid).ok(),
+                copied,
+            ])
         };
-        let found: Vec<[f64; 4]> =
-            evaluation.patches.par_iter().filter_map(of_patch).collect::<Result<_>>()?;
-        let mean = |k: usize| found.iter().map(|v| v[k]).sum::<f64>() / found.len() as f64;
-        all.push(Kind {
-            system: name.clone(),
-            sliced_wasserstein: mean(0),
-            aspect_distance: mean(1),
-            geomorphon_distance: mean(2),
-            copied_share: Some(mean(3)).filter(|share| !share.is_nan()),
-        });
-    }
-    Ok(all)
+        let found: Vec<_> = evaluation.patches.par_iter().filter_map(of_patch).collect();
+        let [sliced_wasserstein, aspect_distance, geomorphon_distance, copied_share] = means(&found);
+        Kind { system: name.clone(), sliced_wasserstein, aspect_distance, geomorphon_distance, copied_share }
+    };
+    Ok(names.enumerate().map(kind).collect())
+}
+
+/// The mean of every column over the rows that have a value in it.
+fn means<const N: usize>(rows: &[[Option<f64>; N]]) -> [Option<f64>; N] {
+    std::array::from_fn(|column| {
+        let values: Vec<f64> = rows.iter().filter_map(|row| row[column]).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    })
 }
 
 /// One line a system.
@@ -229,13 +225,13 @@ fn kind_table(kinds: &[Kind]) -> String {
         "{:width$}  {:>12}  {:>12}  {:>12}  {:>8}",
         "system", "patch dist", "aspect dist", "landforms", "copied"
     );
+    let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
     for k in kinds {
         let copied = k.copied_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share));
-        let _ = write!(
-            text,
-            "\n{:width$}  {:>12.4}  {:>12.4}  {:>12.4}  {:>8}",
-            k.system, k.sliced_wasserstein, k.aspect_distance, k.geomorphon_distance, copied
-        );
+        let [patches, aspect, landforms] =
+            [k.sliced_wasserstein, k.aspect_distance, k.geomorphon_distance].map(number);
+        let _ =
+            write!(text, "\n{:width$}  {patches:>12}  {aspect:>12}  {landforms:>12}  {copied:>8}", k.system);
     }
     text
 }
@@ -294,4 +290,29 @@ fn save(patch: &Rebuilt, folder: &Path, cell_size: CellSize) -> Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_leave_out_what_is_missing() {
+        let rows = [[Some(1.0), None, None], [Some(4.0), Some(2.0), None]];
+        assert_eq!(means(&rows), [Some(2.5), Some(2.0), None]);
+    }
+
+    #[test]
+    fn a_value_that_does_not_exist_is_a_dash() {
+        let kind = Kind {
+            system: "laplace".to_owned(),
+            sliced_wasserstein: Some(0.25),
+            aspect_distance: None,
+            geomorphon_distance: None,
+            copied_share: None,
+        };
+        let text = kind_table(&[kind]);
+        let cells: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
+        assert_eq!(cells, ["laplace", "0.2500", "-", "-", "-"]);
+    }
 }

@@ -47,6 +47,15 @@ pub struct Exemplar {
     pub lines: Vec<LineMap>,
 }
 
+impl Exemplar {
+    /// What the losses compare with, voids filled.
+    fn target(&self) -> Target {
+        let (rows, cols) = self.heights.shape();
+        let heights = self.heights.as_slice().iter().map(|&z| f64::from(z)).collect();
+        Target { rows, cols, heights, valid: self.valid.as_slice().to_vec() }.without_voids()
+    }
+}
+
 /// The unweighted losses of one epoch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LossValues {
@@ -192,13 +201,7 @@ pub fn train(
     let Some((first, _)) = samples.first() else {
         return Err(Error::value("number of extractions", 0, "the exemplar needs at least one"));
     };
-    let target = Target {
-        rows,
-        cols,
-        heights: exemplar.heights.as_slice().iter().map(|&z| f64::from(z)).collect(),
-        valid: exemplar.valid.as_slice().to_vec(),
-    }
-    .without_voids();
+    let target = exemplar.target();
     let objective = Objective { ssim: SsimLoss::new(&target), target, config };
     let weights = sample_weights(samples.iter().map(|(sample, _)| &*sample.graph), &objective.target);
     let network = Network::new(config, first.parts.len(), seed)?;
@@ -455,13 +458,7 @@ mod tests {
         at_voids: f32,
     ) -> (LossValues, Vec<f32>, f32) {
         let (rows, cols) = exemplar.heights.shape();
-        let target = Target {
-            rows,
-            cols,
-            heights: exemplar.heights.as_slice().iter().map(|&z| f64::from(z)).collect(),
-            valid: exemplar.valid.as_slice().to_vec(),
-        }
-        .without_voids();
+        let target = exemplar.target();
         let (sample, _) = prepare(exemplar, config, Seed(3)).unwrap().remove(0);
         let y: Vec<f32> = (0..rows * cols).map(|i| 0.5 + 0.2 * (0.7 * i as f32).sin()).collect();
         let valid = exemplar.valid.as_slice();
