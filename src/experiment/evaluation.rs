@@ -12,8 +12,10 @@ use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::systems::registry::Named;
+use crate::systems::task::SketchToTerrain;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// How patches become sketches.
@@ -47,7 +49,7 @@ pub struct Row {
     pub col: usize,
     /// The system.
     pub system: String,
-    /// Seconds to rebuild the patch, alone on one of the workers.
+    /// Seconds to rebuild the patch, alone on one of the workers; with those of the system that this one finishes.
     pub seconds: f64,
     /// Metres of the unit interval: the patch's range.
     pub relief: f64,
@@ -210,11 +212,9 @@ fn rebuild(
     let (relief, line_share) = (patch.relief(), patch.line_share());
     let Patch { normalization, truth, valid, lines } = patch;
     let mut rows = Vec::new();
-    let mut outputs = Vec::new();
+    let mut outputs: Vec<(String, Option<Grid<f32>>)> = Vec::new();
     for (name, system) in systems {
-        let started = Instant::now();
-        let output = system.generate(&lines, seed);
-        let seconds = started.elapsed().as_secs_f64();
+        let (output, seconds) = generated(system.as_ref(), systems, &rows, &outputs, &lines, seed);
         let scored = output.and_then(|output| {
             let scores = Scores::of(&output, &truth, &valid, &lines)?;
             let found = extract::ridges_and_valleys(&output, &valid, &config.sketch_extraction())?;
@@ -233,4 +233,80 @@ fn rebuild(
         }
     }
     Ok((rows, Some(Rebuilt { origin, normalization, truth, valid, lines, outputs })))
+}
+
+/// Terrain of a system and its seconds, on top of what is there already of the first of `systems`.
+fn generated(
+    system: &dyn SketchToTerrain,
+    systems: &[Named],
+    rows: &[Row],
+    outputs: &[(String, Option<Grid<f32>>)],
+    lines: &LineMap,
+    seed: Seed,
+) -> (Result<Grid<f32>>, f64) {
+    let started = Instant::now();
+    let half_done = system.finishing().and_then(|finishing| {
+        let index = systems.iter().position(|(_, other)| Arc::ptr_eq(other, &finishing.start))?;
+        let coarse = outputs.get(index)?.1.as_ref()?;
+        Some((finishing, coarse, rows.get(index)?.seconds))
+    });
+    let (output, before) = match half_done {
+        Some((finishing, coarse, seconds)) => ((finishing.finish)(coarse, lines, seed), seconds),
+        None => (system.generate(lines, seed), 0.0),
+    };
+    (output, before + started.elapsed().as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dem::bundled;
+    use crate::systems::classical::Nearest;
+    use crate::systems::task::Finishing;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// [`Nearest`], counted.
+    #[derive(Default)]
+    struct Counted(AtomicUsize);
+
+    impl SketchToTerrain for Counted {
+        fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            Nearest.generate(lines, seed)
+        }
+    }
+
+    fn doubled(start: Arc<dyn SketchToTerrain>) -> Arc<dyn SketchToTerrain> {
+        let finish =
+            |coarse: &Grid<f32>, _: &LineMap, seed: Seed| Ok(coarse.map(|z| 2.0 * z + seed.0 as f32 % 7.0));
+        Arc::new(Finishing { start, finish: Box::new(finish) })
+    }
+
+    #[test]
+    fn a_system_that_others_finish_runs_once_a_patch() {
+        let dem = bundled::load("sierra").unwrap();
+        let origins = [Cell::new(0, 0), Cell::new(128, 128)];
+        let counted = Arc::new(Counted::default());
+        let start: Arc<dyn SketchToTerrain> = counted.clone();
+        let systems =
+            vec![("start".to_owned(), start.clone()), ("finished".to_owned(), doubled(start.clone()))];
+        let config = EvaluationConfig {
+            extraction: ExtractionConfig::default(),
+            sketch_order: None,
+            sketch_accumulation: None,
+        };
+        let run =
+            |systems: &[Named]| evaluate(&dem, &origins, systems, &config, Seed(5), true, || {}).unwrap();
+        let both = run(&systems);
+        assert_eq!(counted.0.load(Ordering::Relaxed), origins.len());
+        for rows in both.rows.chunks(2) {
+            assert!(rows[1].seconds >= rows[0].seconds, "the start's seconds count");
+        }
+        // The same terrain as on its own.
+        let alone = run(&systems[1..]);
+        for (both, alone) in both.patches.iter().zip(&alone.patches) {
+            assert_eq!(both.outputs[1], alone.outputs[0]);
+            assert_ne!(both.outputs[1].1, both.outputs[0].1);
+        }
+    }
 }

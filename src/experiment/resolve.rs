@@ -98,6 +98,7 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
             preset: None,
             set: toml::Table::new(),
             config: Some(spec.config_of(style)?),
+            detail: style.detail.clone(),
         })
     };
     spec.style = spec.style.iter().map(full).collect::<Result<_>>()?;

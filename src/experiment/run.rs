@@ -14,9 +14,11 @@ use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
+use crate::systems::pipeline::learn_detail;
 use crate::systems::region_gnn::style::{StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Style};
 use crate::systems::registry;
+use crate::systems::singan::{self, DetailConfig};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -150,7 +152,8 @@ fn wanted<'a>(resolved: &'a Resolved, record: &Record) -> Result<Vec<Wanted<'a>>
         for style in &resolved.spec.style {
             let config = resolved.spec.config_of(style)?;
             for &seed in &resolved.spec.seeds {
-                let path = record.path("styles").join(format!("{}.safetensors", hash(&config, area, seed)?));
+                let name = format!("{}.safetensors", hash(&config, style.detail.as_ref(), area, seed)?);
+                let path = record.path("styles").join(name);
                 all.push(Wanted { area, style, config: config.clone(), seed, path });
             }
         }
@@ -159,11 +162,15 @@ fn wanted<'a>(resolved: &'a Resolved, record: &Record) -> Result<Vec<Wanted<'a>>
 }
 
 /// Tells trained styles apart by all that they depend on.
-fn hash(config: &StyleConfig, area: &Area, seed: u64) -> Result<String> {
-    let config = serde_json::to_string(config).map_err(|e| Error::value("configuration", e, "plain data"))?;
+fn hash(config: &StyleConfig, detail: Option<&DetailConfig>, area: &Area, seed: u64) -> Result<String> {
+    let plain = |e| Error::value("configuration", e, "plain data");
+    let config = serde_json::to_string(config).map_err(plain)?;
     let e = &area.source.info;
     let mut hasher = Sha256::new();
     hasher.update(config.as_bytes());
+    if let Some(detail) = detail {
+        hasher.update(serde_json::to_string(detail).map_err(plain)?.as_bytes());
+    }
     hasher.update(e.sha256.as_bytes());
     hasher.update(format!("{} {} {:?} {seed}", e.row, e.col, e.cell_size));
     Ok(hasher.finalize()[..12].iter().map(|byte| format!("{byte:02x}")).collect())
@@ -209,7 +216,8 @@ fn load(path: &Path, wanted: &Wanted<'_>) -> Option<Style> {
     config.model.epochs = wanted.config.model.epochs;
     let is_it = config == wanted.config
         && style.info.exemplar == wanted.area.source.info
-        && style.info.seed == Seed(wanted.seed);
+        && style.info.seed == Seed(wanted.seed)
+        && style.info.detail.is_some() == wanted.style.detail.is_some();
     is_it.then_some(style)
 }
 
@@ -225,7 +233,12 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
         let checkpoints =
             Checkpoints { path: checkpoint.clone(), interval: CHECKPOINTS, resume: checkpoint.exists() };
         let control = Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints) };
-        learn_with(&wanted.area.source, &wanted.config, Seed(wanted.seed), control)
+        let (source, seed) = (&wanted.area.source, Seed(wanted.seed));
+        let mut style = learn_with(source, &wanted.config, seed, control)?;
+        if let Some(detail) = &wanted.style.detail {
+            learn_detail(&mut style, source, detail, seed, singan::Control::new(&mut |_| {}))?;
+        }
+        Ok(style)
     });
     watch(Event::Steps(wanted.config.model.epochs.saturating_sub(told) as u64));
     file::remove(&checkpoint)?;
@@ -289,8 +302,10 @@ impl Plan<'_> {
         for (spec, style) in self.styles_of(area, seed) {
             let Ok(style) = style else { continue };
             let uses = self.spec().uses(spec)?;
-            for (name, system) in registry::trained(style).into_iter().filter(|(name, _)| uses.contains(name))
-            {
+            for (name, system) in registry::trained(style)? {
+                if !uses.contains(&name) {
+                    continue;
+                }
                 systems.styles.push((spec.label(&name), style));
                 systems.named.push((spec.label(&name), system));
             }

@@ -10,6 +10,7 @@ use crate::file;
 use crate::metrics::Scores;
 use crate::systems::region_gnn::{Preset, StyleConfig};
 use crate::systems::registry;
+use crate::systems::singan::DetailConfig;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -141,6 +142,9 @@ pub struct StyleSpec {
     /// The whole configuration instead of preset, overrides and set: what a resolved file has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<StyleConfig>,
+    /// Also learns detail, with these settings; `detail = {}` takes the usual ones. Without it the style is coarse only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detail: Option<DetailConfig>,
 }
 
 /// One piece of terrain.
@@ -446,7 +450,7 @@ impl ExperimentSpec {
     /// # Errors
     /// As [`systems`](Self::systems).
     pub fn uses(&self, style: &StyleSpec) -> Result<Vec<String>> {
-        let known = registry::names(&self.config_of(style)?);
+        let known = registry::names(&self.config_of(style)?, style.detail.is_some());
         if style.systems.is_empty() {
             return Ok(known);
         }

@@ -6,7 +6,7 @@
 use super::region_gnn::Style;
 use super::region_gnn::style::{Source, StyleConfig};
 use super::singan::{self, Detail, DetailConfig, DetailInfo, DetailUse};
-use super::task::SketchToTerrain;
+use super::task::{Finishing, SketchToTerrain};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract;
@@ -115,20 +115,12 @@ pub fn no_detail() -> Error {
 }
 
 /// A coarse system with detail, corrected towards the lines at the end.
-pub struct Detailed {
-    /// Makes the coarse terrain.
-    pub coarse: Box<dyn SketchToTerrain>,
-    /// Adds the detail.
-    pub detail: Arc<Detail>,
-    /// How.
-    pub how: DetailUse,
-}
-
-impl SketchToTerrain for Detailed {
-    fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
-        let coarse = self.coarse.generate(lines, seed)?;
-        self.detail.add(&coarse, Some(lines), None, &self.how, seed.derive("detail"))
-    }
+#[must_use]
+pub fn detailed(start: Arc<dyn SketchToTerrain>, detail: Arc<Detail>, how: DetailUse) -> Finishing {
+    let finish = move |coarse: &Grid<f32>, lines: &LineMap, seed: Seed| {
+        detail.add(coarse, Some(lines), None, &how, seed.derive("detail"))
+    };
+    Finishing { start, finish: Box::new(finish) }
 }
 
 /// Adds detail to terrain in metres; with `lines` in metres, their heights are kept. Where `mask` is false nothing changes.

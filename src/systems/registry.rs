@@ -1,61 +1,72 @@
 //! Every system by name: the only file that knows them all.
 
 use super::classical;
-use super::pipeline::{Detailed, detail_of};
+use super::pipeline::{detail_of, detailed};
 use super::region_gnn::config::HeightFrame;
-use super::region_gnn::{FineTuning, GenerationConfig, RegionGnnSystem, Style, StyleConfig};
+use super::region_gnn::{GenerationConfig, RegionGnnSystem, Style, StyleConfig};
 use super::singan::DetailUse;
-use super::task::SketchToTerrain;
+use super::task::{Finishing, SketchToTerrain};
 use crate::error::{Error, Result};
-use crate::interpolation::CorrectionKind;
+use crate::grid::Grid;
+use crate::interpolation::{Correction, CorrectionKind};
+use crate::seed::Seed;
+use crate::sketch::LineMap;
 use std::sync::Arc;
 
 /// A system and its name.
-pub type Named = (String, Box<dyn SketchToTerrain>);
+pub type Named = (String, Arc<dyn SketchToTerrain>);
 
 /// Every way to use a style, then every interpolator.
 ///
-/// A style with detail has every system twice, the second one with it (`+detail`). An anchored style is `gnn` (its own configuration). A style of the paper is `gnn-aligned` and, with fine-tuned
-/// embeddings, `gnn-tuned`, each also with the harmonic correction (`+harmonic`).
+/// An anchored style is `gnn` (its own configuration). A style of the paper is `gnn-aligned` and, with fine-tuned embeddings,
+/// `gnn-tuned`, each also with the harmonic correction (`+harmonic`). A style with detail has each of them but the corrected
+/// ones once more, with it (`+detail`, which ends with a correction of its own).
 ///
 /// # Errors
 /// When the style's detail contradicts itself.
 pub fn all(style: &Style) -> Result<Vec<Named>> {
-    let mut systems = trained(style);
-    systems.extend(detailed(style)?);
+    let mut systems = trained(style)?;
     systems.extend(interpolators());
     Ok(systems)
 }
 
-/// Every way to use a style that has detail, with it; none when it has none.
+/// Every way to use a style. Systems that finish another one share it.
 ///
 /// # Errors
 /// When the style's detail contradicts itself.
-pub fn detailed(style: &Style) -> Result<Vec<Named>> {
-    let Some(detail) = detail_of(style)?.map(Arc::new) else { return Ok(Vec::new()) };
-    let with = |(name, coarse): Named| -> Named {
-        let system = Detailed { coarse, detail: detail.clone(), how: DetailUse::default() };
-        (format!("{name}+detail"), Box::new(system))
-    };
-    // The correction that ends the detail is also that of the coarse system.
-    Ok(trained(style).into_iter().filter(|(name, _)| !name.ends_with("+harmonic")).map(with).collect())
-}
-
-/// Every way to use a style.
-#[must_use]
-pub fn trained(style: &Style) -> Vec<Named> {
-    uses(&style.info.config)
+pub fn trained(style: &Style) -> Result<Vec<Named>> {
+    let starts: Vec<Named> = uses(&style.info.config)
         .into_iter()
         .map(|(name, generation)| -> Named {
-            (name, Box::new(RegionGnnSystem { model: style.model.clone(), generation }))
+            (name.to_owned(), Arc::new(RegionGnnSystem { model: style.model.clone(), generation }))
         })
-        .collect()
+        .collect();
+    let mut systems = Vec::new();
+    for (name, start) in &starts {
+        systems.push((name.clone(), start.clone()));
+        if corrects(&style.info.config) {
+            systems.push((format!("{name}{HARMONIC}"), Arc::new(harmonic(start.clone()))));
+        }
+    }
+    if let Some(detail) = detail_of(style)?.map(Arc::new) {
+        systems.extend(starts.into_iter().map(|(name, start)| -> Named {
+            (format!("{name}{DETAIL}"), Arc::new(detailed(start, detail.clone(), DetailUse::default())))
+        }));
+    }
+    Ok(systems)
 }
 
-/// The names of [`trained`] for any style of this configuration.
+/// The names of [`trained`] for any style of this configuration, with detail or without.
 #[must_use]
-pub fn names(config: &StyleConfig) -> Vec<String> {
-    uses(config).into_iter().map(|(name, _)| name).collect()
+pub fn names(config: &StyleConfig, has_detail: bool) -> Vec<String> {
+    let starts = uses(config).into_iter().map(|(name, _)| name);
+    let ends = |name: &str| {
+        let corrected = corrects(config).then(|| format!("{name}{HARMONIC}"));
+        std::iter::once(name.to_owned()).chain(corrected).collect::<Vec<_>>()
+    };
+    let mut names: Vec<String> = starts.clone().flat_map(ends).collect();
+    names.extend(starts.filter(|_| has_detail).map(|name| format!("{name}{DETAIL}")));
+    names
 }
 
 /// Every interpolator.
@@ -64,24 +75,31 @@ pub fn interpolators() -> Vec<Named> {
     classical::all().into_iter().map(|(name, system)| (name.to_owned(), system)).collect()
 }
 
-fn uses(config: &StyleConfig) -> Vec<(String, GenerationConfig)> {
+const HARMONIC: &str = "+harmonic";
+const DETAIL: &str = "+detail";
+
+/// The ways to use a style of this configuration that do not start from another one.
+fn uses(config: &StyleConfig) -> Vec<(&'static str, GenerationConfig)> {
     let own = &config.generation;
     match config.model.frame {
-        HeightFrame::Anchored => vec![("gnn".to_owned(), own.clone())],
+        HeightFrame::Anchored => vec![("gnn", own.clone())],
         HeightFrame::Absolute => {
-            let tuned = own.fine_tuning.unwrap_or_default();
-            [("gnn-aligned", None), ("gnn-tuned", Some(tuned))]
-                .into_iter()
-                .flat_map(|(name, fine_tuning): (&str, Option<FineTuning>)| {
-                    let with = |correction| GenerationConfig { fine_tuning, correction, ..own.clone() };
-                    [
-                        (name.to_owned(), with(None)),
-                        (format!("{name}+harmonic"), with(Some(CorrectionKind::Harmonic))),
-                    ]
-                })
-                .collect()
+            let with = |fine_tuning| GenerationConfig { fine_tuning, correction: None, ..own.clone() };
+            vec![("gnn-aligned", with(None)), ("gnn-tuned", with(Some(own.fine_tuning.unwrap_or_default())))]
         }
     }
+}
+
+/// Whether the uses of a style are also scored with the harmonic correction: those that end without one.
+fn corrects(config: &StyleConfig) -> bool {
+    config.model.frame == HeightFrame::Absolute
+}
+
+fn harmonic(start: Arc<dyn SketchToTerrain>) -> Finishing {
+    let finish = |coarse: &Grid<f32>, lines: &LineMap, _: Seed| {
+        Correction::new(CorrectionKind::Harmonic, lines)?.apply(coarse)
+    };
+    Finishing { start, finish: Box::new(finish) }
 }
 
 /// The systems whose names stand in `wanted`, separated by commas; `all` for every one. A name that ends at a `-` or `+` of

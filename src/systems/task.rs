@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::grid::Grid;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
+use std::sync::Arc;
 
 /// Turns lines with heights into terrain.
 pub trait SketchToTerrain: Send + Sync {
@@ -14,4 +15,31 @@ pub trait SketchToTerrain: Send + Sync {
     /// # Errors
     /// When the lines are not enough for the system (for example none at all).
     fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>>;
+
+    /// For a system that only finishes the terrain of another one, from the same lines and seed: who wants both makes the
+    /// first one once. None for all others.
+    fn finishing(&self) -> Option<&Finishing> {
+        None
+    }
+}
+
+/// A system that goes on where another one ends.
+pub struct Finishing {
+    /// Makes the terrain.
+    pub start: Arc<dyn SketchToTerrain>,
+    /// The rest: (terrain, lines, seed).
+    pub finish: Box<FinishFn>,
+}
+
+/// The second half of a [`Finishing`] system.
+pub type FinishFn = dyn Fn(&Grid<f32>, &LineMap, Seed) -> Result<Grid<f32>> + Send + Sync;
+
+impl SketchToTerrain for Finishing {
+    fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
+        (self.finish)(&self.start.generate(lines, seed)?, lines, seed)
+    }
+
+    fn finishing(&self) -> Option<&Finishing> {
+        Some(self)
+    }
 }

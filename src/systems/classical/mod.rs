@@ -10,17 +10,18 @@ pub use distance::{InverseDistance, Nearest};
 pub use surface::{Biharmonic, DelaunayLinear, Laplace, NaturalNeighbour};
 
 use super::task::SketchToTerrain;
+use std::sync::Arc;
 
 /// Every classical system with its best values, by name, from the simplest to the best.
 #[must_use]
-pub fn all() -> Vec<(&'static str, Box<dyn SketchToTerrain>)> {
+pub fn all() -> Vec<(&'static str, Arc<dyn SketchToTerrain>)> {
     vec![
-        ("nearest", Box::new(Nearest)),
-        ("inverse-distance", Box::new(InverseDistance::default())),
-        ("laplace", Box::new(Laplace)),
-        ("biharmonic", Box::new(Biharmonic)),
-        ("delaunay-linear", Box::new(DelaunayLinear)),
-        ("natural-neighbour", Box::new(NaturalNeighbour)),
+        ("nearest", Arc::new(Nearest)),
+        ("inverse-distance", Arc::new(InverseDistance::default())),
+        ("laplace", Arc::new(Laplace)),
+        ("biharmonic", Arc::new(Biharmonic)),
+        ("delaunay-linear", Arc::new(DelaunayLinear)),
+        ("natural-neighbour", Arc::new(NaturalNeighbour)),
     ]
 }
 

@@ -110,11 +110,13 @@ impl EdgeFeatures {
             fill(next(), distance, |d| exp(-d / 2.0));
             fill(next(), distance, |d| exp(-d / 6.0));
             next().copy_from_slice(&stored[4 * stride..5 * stride]);
-            for frequency in 0..FREQUENCIES {
-                let factor = (1 << frequency) as f32;
-                for position in [along, across] {
-                    fill_two(next(), next(), position, factor);
-                }
+            let mut turns = [(next(), next()), (next(), next())];
+            fill_two(&mut turns[0], along);
+            fill_two(&mut turns[1], across);
+            for _ in 1..FREQUENCIES {
+                let mut twice = [(next(), next()), (next(), next())];
+                twice.iter_mut().zip(&turns).for_each(|(twice, once)| double(twice, once));
+                turns = twice;
             }
         }
         if self.anchored {
@@ -138,9 +140,19 @@ fn fill(out: &mut [f32], x: &[f32], f: impl Fn(f32) -> f32) {
     }
 }
 
+/// Sines and cosines of `x` quarter turns.
 #[inline(always)]
-fn fill_two(sines: &mut [f32], cosines: &mut [f32], x: &[f32], factor: f32) {
-    for ((sine, cosine), x) in sines.iter_mut().zip(cosines).zip(x) {
-        (*sine, *cosine) = sin_cos_quarter_turns(x * factor);
+fn fill_two((sines, cosines): &mut (&mut [f32], &mut [f32]), x: &[f32]) {
+    for ((sine, cosine), x) in sines.iter_mut().zip(cosines.iter_mut()).zip(x) {
+        (*sine, *cosine) = sin_cos_quarter_turns(*x);
+    }
+}
+
+/// Sines and cosines of twice the angles.
+#[inline(always)]
+fn double((sines, cosines): &mut (&mut [f32], &mut [f32]), once: &(&mut [f32], &mut [f32])) {
+    let given = once.0.iter().zip(once.1.iter());
+    for ((sine, cosine), (s, c)) in sines.iter_mut().zip(cosines.iter_mut()).zip(given) {
+        (*sine, *cosine) = (2.0 * s * c, 1.0 - 2.0 * s * s);
     }
 }

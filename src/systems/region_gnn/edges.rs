@@ -5,58 +5,114 @@ use crate::seed::Seed;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
-use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Noise values of one stream: fixed, so that the same bytes come out on any number of threads.
 const NOISE_CHUNK: usize = 16_384;
 
 /// Pixels that the fused pass works on together: features and hidden states of their edges fit the first-level cache.
 pub(super) const BLOCK: usize = 8;
+/// Room for edges comes in multiples of the widest register.
+const LANES: usize = 16;
 
 /// What is drawn anew for every pass (4.2: random edges; A.2: masked parts; A.4: noise).
+///
+/// Unmasked edges lie in the order in which the passes read them: by blocks of [`BLOCK`] pixels, in each block by pixel, fixed
+/// ones first; what an edge stores, a column a number, so that vector code reads it as it lies.
 #[derive(Debug)]
 pub struct PassEdges {
     graph: Arc<RegionGraph>,
-    /// Random edges sorted by pixel: those of pixel p are `random_offsets[p]..random_offsets[p + 1]`.
+    /// Random edges of pixel p: `random_offsets[p]..random_offsets[p + 1]` of those drawn.
     random_offsets: Vec<u32>,
-    random_regions: Vec<u32>,
-    /// Most random edges of [`BLOCK`] pixels in a row.
-    most_random: u32,
-    /// (random edges, stored)
-    random_stored: Vec<f32>,
-    /// The same edges by region: pixels.
+    /// Random edges by region: pixels.
     region_offsets: Vec<u32>,
     region_pixels: Vec<u32>,
-    /// One value an edge: fixed edges, then random ones.
-    noise: Vec<f32>,
     masked: Vec<bool>,
+    lists: Lists,
+    spare: Spare,
+}
+
+/// Memory that one pass leaves to the next, whatever their graphs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Spare(Arc<Mutex<Lists>>);
+
+impl Spare {
+    fn lists(&self) -> MutexGuard<'_, Lists> {
+        // Whoever panicked meanwhile: what is there is overwritten before it is read.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The edges block by block.
+#[derive(Debug, Default)]
+struct Lists {
+    /// Edges of every block, and where its room begins: the edges before it, each block rounded up to [`LANES`].
+    lengths: Vec<u32>,
+    starts: Vec<usize>,
+    /// (room) region and pixel within the block of every edge; 0 where there is no edge.
+    regions: Vec<u32>,
+    slots: Vec<u32>,
+    /// (pixels) where the edges of each end within its block.
+    ends: Vec<u32>,
+    /// By blocks: (stored + 1, room of the block), the last row for the noise; anything where there is no edge.
+    columns: Vec<f32>,
+}
+
+/// The unmasked edges of [`BLOCK`] pixels in a row.
+#[derive(Clone, Copy)]
+pub(super) struct BlockEdges<'a> {
+    /// Number of edges.
+    pub(super) len: usize,
+    /// Room for edges and length of a row of `columns`: a multiple of [`LANES`].
+    pub(super) stride: usize,
+    /// (stride) region; 0 beyond the edges.
+    pub(super) regions: &'a [u32],
+    /// (stride) pixel within the block, ascending; 0 beyond the edges.
+    pub(super) slots: &'a [u32],
+    /// (pixels of the block) where the edges of each end.
+    pub(super) ends: &'a [u32],
+    /// (stored + 1, stride), the last row for the noise; anything beyond the edges.
+    pub(super) columns: &'a [f32],
+}
+
+/// Random edges by pixel, in the order in which they were drawn.
+struct RandomEdges {
+    offsets: Vec<u32>,
+    regions: Vec<u32>,
+}
+
+/// Where the edges of one block go.
+struct Room<'a> {
+    block: usize,
+    regions: &'a mut [u32],
+    slots: &'a mut [u32],
+    ends: &'a mut [u32],
+    columns: &'a mut [f32],
 }
 
 impl PassEdges {
     /// Draws `random` edges, noise of standard deviation `noise`, and masks each part with probability `masked`.
     #[must_use]
     pub fn draw(graph: &Arc<RegionGraph>, random: usize, noise: f64, masked: f64, seed: Seed) -> Self {
-        let (pixels, regions, n) =
-            (graph.pixel_count(), graph.region_count(), graph.features().stored_count());
+        Self::draw_into(&Spare::default(), graph, random, noise, masked, seed)
+    }
+
+    /// As [`draw`](Self::draw), in memory that an earlier pass has left.
+    pub(super) fn draw_into(
+        spare: &Spare,
+        graph: &Arc<RegionGraph>,
+        random: usize,
+        noise: f64,
+        masked: f64,
+        seed: Seed,
+    ) -> Self {
+        let (pixels, regions) = (graph.pixel_count(), graph.region_count());
         let mut stream = seed.stream("random edges");
         let drawn: Vec<(u32, u32)> = (0..random)
             .map(|_| (stream.random_range(0..pixels as u32), stream.random_range(0..regions as u32)))
             .collect();
-        let (random_offsets, random_regions) = sorted_by(&drawn, pixels, |e| e.0, |e| e.1);
+        let (offsets, random_regions) = sorted_by(&drawn, pixels, |e| e.0, |e| e.1);
         let (region_offsets, region_pixels) = sorted_by(&drawn, regions, |e| e.1, |e| e.0);
-        let last = |start: usize| (start + BLOCK).min(pixels);
-        let in_block = |start: usize| random_offsets[last(start)] - random_offsets[start];
-        let most_random = (0..pixels).map(in_block).max().unwrap_or(0);
-        let mut owner = Vec::with_capacity(random);
-        for pixel in 0..pixels {
-            owner.extend((random_offsets[pixel]..random_offsets[pixel + 1]).map(|_| pixel));
-        }
-        let mut random_stored = vec![0.0; random * n];
-        random_stored.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
-            let values = graph.stored_for(owner[edge], random_regions[edge] as usize);
-            out.copy_from_slice(&values[..n]);
-        });
         let mut values = vec![0.0f32; pixels * graph.k() + random];
         values.par_chunks_mut(NOISE_CHUNK).enumerate().for_each(|(chunk, values)| {
             let mut stream = seed.derive_indexed("edge noise", chunk).stream("values");
@@ -66,17 +122,108 @@ impl PassEdges {
         });
         let mut stream = seed.stream("masked parts");
         let masked = (0..regions).map(|_| stream.random_bool(masked)).collect();
-        let graph = Arc::clone(graph);
-        Self {
-            graph,
-            random_offsets,
-            random_regions,
-            most_random,
-            random_stored,
+        let mut edges = Self {
+            graph: Arc::clone(graph),
+            random_offsets: Vec::new(),
             region_offsets,
             region_pixels,
-            noise: values,
             masked,
+            lists: std::mem::take(&mut spare.lists()),
+            spare: spare.clone(),
+        };
+        edges.lay_out(RandomEdges { offsets, regions: random_regions }, &values);
+        edges
+    }
+
+    /// Puts all edges that are not masked into their places.
+    fn lay_out(&mut self, random: RandomEdges, noise: &[f32]) {
+        let rows = self.graph.features().stored_count() + 1;
+        let blocks = self.graph.pixel_count().div_ceil(BLOCK);
+        let mut lists = std::mem::take(&mut self.lists);
+        let count = |block| {
+            let mut count = 0;
+            self.each_drawn(block, &random, |_, _, _| count += 1);
+            count
+        };
+        (0..blocks).into_par_iter().with_min_len(64).map(count).collect_into_vec(&mut lists.lengths);
+        lists.starts.clear();
+        lists.starts.push(0);
+        let mut room = 0;
+        for length in &lists.lengths {
+            room += (*length as usize).next_multiple_of(LANES);
+            lists.starts.push(room);
+        }
+        let Lists { starts, regions, slots, ends, columns, .. } = &mut lists;
+        regions.resize(room, 0);
+        slots.resize(room, 0);
+        ends.clear();
+        ends.resize(self.graph.pixel_count(), 0);
+        columns.resize(room * rows, 0.0);
+        let mut rooms = Vec::with_capacity(blocks);
+        let mut rest = (regions.as_mut_slice(), slots.as_mut_slice(), columns.as_mut_slice());
+        for (block, ends) in ends.chunks_mut(BLOCK).enumerate() {
+            let size = starts[block + 1] - starts[block];
+            let (regions, rest_of_regions) = rest.0.split_at_mut(size);
+            let (slots, rest_of_slots) = rest.1.split_at_mut(size);
+            let (columns, rest_of_columns) = rest.2.split_at_mut(size * rows);
+            rest = (rest_of_regions, rest_of_slots, rest_of_columns);
+            rooms.push(Room { block, regions, slots, ends, columns });
+        }
+        rooms.into_par_iter().with_min_len(64).for_each(|room| self.fill(room, &random, noise));
+        self.lists = lists;
+        self.random_offsets = random.offsets;
+    }
+
+    /// Writes the edges of one block.
+    fn fill(&self, room: Room<'_>, random: &RandomEdges, noise: &[f32]) {
+        let (graph, fixed) = (&self.graph, self.graph.nearest().len());
+        let n = graph.features().stored_count();
+        let stride = room.regions.len();
+        let mut ids = Vec::with_capacity(stride);
+        self.each_drawn(room.block, random, |slot, region, edge| {
+            room.regions[ids.len()] = region;
+            room.slots[ids.len()] = slot as u32;
+            ids.push(edge);
+            room.ends[slot] = ids.len() as u32;
+        });
+        let at = ids.len();
+        let (stored, noises) = room.columns.split_at_mut(n * stride);
+        for (row, column) in stored.chunks_exact_mut(stride).enumerate() {
+            for (value, edge) in column.iter_mut().zip(&ids).filter(|(_, edge)| **edge < fixed) {
+                *value = graph.stored()[edge * n + row];
+            }
+        }
+        for i in (0..at).filter(|&i| ids[i] >= fixed) {
+            let pixel = room.block * BLOCK + room.slots[i] as usize;
+            let drawn = graph.stored_for(pixel, room.regions[i] as usize);
+            stored[i..].iter_mut().step_by(stride).zip(&drawn[..n]).for_each(|(to, value)| *to = *value);
+        }
+        for (value, edge) in noises.iter_mut().zip(&ids) {
+            *value = noise[*edge];
+        }
+        room.regions[at..].fill(0);
+        room.slots[at..].fill(0);
+        // Pixels without an edge end where the one before them does.
+        for slot in 1..room.ends.len() {
+            room.ends[slot] = room.ends[slot].max(room.ends[slot - 1]);
+        }
+    }
+
+    /// Calls `f` with slot, region and number of every unmasked edge of a block: fixed ones count from 0, random ones after them.
+    fn each_drawn(&self, block: usize, random: &RandomEdges, mut f: impl FnMut(usize, u32, usize)) {
+        let (k, nearest) = (self.graph.k(), self.graph.nearest());
+        for pixel in block * BLOCK..self.graph.pixel_count().min((block + 1) * BLOCK) {
+            let slot = pixel % BLOCK;
+            for edge in pixel * k..(pixel + 1) * k {
+                if !self.masked[nearest[edge] as usize] {
+                    f(slot, nearest[edge], edge);
+                }
+            }
+            for edge in random.offsets[pixel] as usize..random.offsets[pixel + 1] as usize {
+                if !self.masked[random.regions[edge] as usize] {
+                    f(slot, random.regions[edge], nearest.len() + edge);
+                }
+            }
         }
     }
 
@@ -111,28 +258,36 @@ impl PassEdges {
         self.graph.pixels_of(region).iter().chain(&self.region_pixels[random]).map(|&p| p as usize)
     }
 
-    /// Calls `f` with region, noise and stored values of every unmasked edge of a pixel, fixed ones first.
-    #[inline(always)]
-    pub(super) fn each_of(&self, pixel: usize, mut f: impl FnMut(u32, f32, &[f32])) {
-        let (k, n) = (self.graph.k(), self.graph.features().stored_count());
-        let mut some = |edges: Range<usize>, ends: &[u32], stored: &[f32], noise: &[f32]| {
-            let stored = &stored[edges.start * n..edges.end * n];
-            let ends = ends[edges.clone()].iter().zip(&noise[edges]);
-            for ((&region, &noise), stored) in ends.zip(stored.chunks_exact(n)) {
-                if !self.masked[region as usize] {
-                    f(region, noise, stored);
-                }
-            }
-        };
-        let (fixed, random) = self.noise.split_at(self.graph.pixel_count() * k);
-        some(pixel * k..(pixel + 1) * k, self.graph.nearest(), self.graph.stored(), fixed);
-        let drawn = self.random_offsets[pixel] as usize..self.random_offsets[pixel + 1] as usize;
-        some(drawn, &self.random_regions, &self.random_stored, random);
+    /// The unmasked edges of pixels `block * BLOCK` and the following.
+    pub(super) fn block(&self, block: usize) -> BlockEdges<'_> {
+        let rows = self.graph.features().stored_count() + 1;
+        let lists = &self.lists;
+        let room = lists.starts[block]..lists.starts[block + 1];
+        let pixels = block * BLOCK..self.graph.pixel_count().min((block + 1) * BLOCK);
+        BlockEdges {
+            len: lists.lengths[block] as usize,
+            stride: room.len(),
+            regions: &lists.regions[room.clone()],
+            slots: &lists.slots[room.clone()],
+            ends: &lists.ends[pixels],
+            columns: &lists.columns[room.start * rows..room.end * rows],
+        }
     }
 
-    /// Most edges that [`BLOCK`] pixels in a row have.
-    pub(super) fn most_edges_of_a_block(&self) -> usize {
-        BLOCK * self.graph.k() + self.most_random as usize
+    /// Number of blocks.
+    pub(super) fn block_count(&self) -> usize {
+        self.lists.lengths.len()
+    }
+
+    /// Longest row of a block's columns.
+    pub(super) fn longest_stride(&self) -> usize {
+        self.lists.starts.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0)
+    }
+}
+
+impl Drop for PassEdges {
+    fn drop(&mut self) {
+        *self.spare.lists() = std::mem::take(&mut self.lists);
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::blend::{Blend, BlendUse};
 use super::config::{HeightFrame, RegionGnnConfig};
+use super::edges::Spare;
 use super::graph::RegionGraph;
 use super::losses::smooth;
 use super::network::Network;
@@ -210,7 +211,7 @@ impl RegionGnn {
         let frame = LineFrame::new(lines, self.config(), false)?;
         let sketch = Prepared::new(lines, &frame, self.config(), seed)?;
         let embedding = self.embedding_for(&sketch, config, seed)?;
-        let edges = sketch.draw(self.config(), 0.0, seed);
+        let edges = sketch.draw(self.config(), 0.0, seed, &Spare::default());
         let states = self.network.region_states(&edges, embedding.as_ref(), seed)?;
         Ok(sketch.parts.iter().map(|part| part.kind).zip(states).collect())
     }
@@ -235,7 +236,7 @@ impl RegionGnn {
     }
 
     fn run(&self, sketch: &Prepared, embedding: Option<&Tensor>, seed: Seed) -> Result<Vec<f32>> {
-        let edges = sketch.draw(self.config(), 0.0, seed);
+        let edges = sketch.draw(self.config(), 0.0, seed, &Spare::default());
         Ok(self.network.forward(&edges, embedding, seed)?.heights.detach().to_vec1::<f32>()?)
     }
 
@@ -272,9 +273,10 @@ impl RegionGnn {
         let shape = graph.shape();
         let lines = graph.line_cells().iter().map(|&i| i as usize).zip(graph.line_heights());
         let lines: Vec<(usize, f64)> = lines.map(|(i, &z)| (i, f64::from(z))).collect();
+        let spare = Spare::default();
         for step in 0..tuning.steps {
             let seed = seed.derive_indexed("fine-tuning", step);
-            let edges = sketch.draw(self.config(), 0.0, seed);
+            let edges = sketch.draw(self.config(), 0.0, seed, &spare);
             let heights = self.network.forward(&edges, Some(embedding.as_tensor()), seed)?.heights;
             let y: Vec<f64> = heights.to_vec1::<f32>()?.into_iter().map(f64::from).collect();
             let mut gradient = vec![0.0; y.len()];

@@ -24,6 +24,8 @@ pub struct RegionGraph {
     projections: Vec<u8>,
     /// (pixels, k) distance to it, in cells.
     distances: Vec<f32>,
+    /// How many of them are positive.
+    long_edges: usize,
     features: EdgeFeatures,
     /// (pixels, k, stored)
     stored: Vec<f32>,
@@ -76,7 +78,8 @@ impl RegionGraph {
         let ties = nearest_regions(&regions, rows, cols, k);
         let nearest: Vec<u32> = ties.iter().map(|(region, _)| *region).collect();
         let projections = ties.iter().map(|(_, p)| p.index as u8).collect();
-        let distances = ties.iter().map(|(_, p)| p.distance).collect();
+        let distances: Vec<f32> = ties.iter().map(|(_, p)| p.distance).collect();
+        let long_edges = distances.iter().filter(|distance| **distance > 0.0).count();
         let (region_offsets, region_pixels) = by_region(&nearest, k, regions.len());
         let kinds = lines.kinds().as_slice();
         let indicator = kinds
@@ -98,6 +101,7 @@ impl RegionGraph {
             nearest,
             projections,
             distances,
+            long_edges,
             features: EdgeFeatures::of(config),
             stored: Vec::new(),
             region_offsets,
@@ -202,6 +206,11 @@ impl RegionGraph {
     #[must_use]
     pub fn distances(&self) -> &[f32] {
         &self.distances
+    }
+
+    /// Number of fixed edges of positive length.
+    pub(super) fn long_edges(&self) -> usize {
+        self.long_edges
     }
 
     /// Pixels of the fixed edges of one region.

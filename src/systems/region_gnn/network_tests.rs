@@ -2,6 +2,7 @@
 
 use super::config::{EdgeGeometry, Kernel, RegionGnnConfig};
 use super::correction_op::LineCorrection;
+use super::edges::Spare;
 use super::network::Network;
 use super::train::{LineFrame, Prepared};
 use crate::grid::Cell;
@@ -32,7 +33,7 @@ fn run(config: &RegionGnnConfig, kernel: Kernel) -> (Vec<f32>, Vec<(String, Vec<
     let frame = LineFrame::new(&lines(), &config, true).unwrap();
     let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
     let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
-    let edges = sketch.draw(&config, config.masked, Seed(3));
+    let edges = sketch.draw(&config, config.masked, Seed(3), &Spare::default());
     assert!(edges.masked().iter().any(|m| *m) && edges.masked().iter().any(|m| !*m));
     let heights = network.forward(&edges, None, Seed(4)).unwrap().heights;
     let n = heights.elem_count();
@@ -86,7 +87,7 @@ fn parameter_gradients_equal_finite_differences() {
     let frame = LineFrame::new(&lines(), &config, false).unwrap();
     let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
     let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
-    let edges = sketch.draw(&config, config.masked, Seed(3));
+    let edges = sketch.draw(&config, config.masked, Seed(3), &Spare::default());
     let value = || {
         let heights = network.forward(&edges, None, Seed(4)).unwrap().heights.to_vec1::<f32>().unwrap();
         heights.iter().enumerate().map(|(i, z)| f64::from(*z) * (i as f64 * 0.7).sin()).sum::<f64>()

@@ -4,7 +4,7 @@
 //! candle's own. About a hundred times the memory of the fused pass.
 
 use super::config::{Pooling, RegionGnnConfig};
-use super::edges::PassEdges;
+use super::edges::{BLOCK, PassEdges};
 use super::fused::LEAK;
 use super::network::reached_regions;
 use crate::error::Result;
@@ -53,14 +53,18 @@ pub(super) fn states(
     let (mut pixels, mut regions) = (Vec::new(), Vec::new());
     let kinds = graph.features();
     let (mut row, mut rows) = (vec![0.0; kinds.feature_count()], Vec::new());
-    for pixel in 0..graph.pixel_count() {
-        edges.each_of(pixel, |region, noise, stored| {
-            pixels.push(pixel as u32);
-            regions.push(region);
+    for block in 0..edges.block_count() {
+        let some = edges.block(block);
+        for (edge, (region, slot)) in some.regions.iter().zip(some.slots).enumerate().take(some.len) {
+            pixels.push((block * BLOCK) as u32 + slot);
+            regions.push(*region);
+            let values: Vec<f32> =
+                some.columns.chunks_exact(some.stride).map(|column| column[edge]).collect();
+            let (noise, stored) = values.split_last().unwrap_or_else(|| unreachable!("every edge has noise"));
             kinds.expand(stored, 1, &mut row);
             rows.extend_from_slice(&row);
-            rows.push(noise);
-        });
+            rows.push(*noise);
+        }
     }
     let count = pixels.len();
     let net = Plain {

@@ -6,7 +6,7 @@
 use super::checkpoint::{self, Progress};
 use super::config::{Base, HeightFrame, LossWeights, RegionGnnConfig};
 use super::correction_op::LineCorrection;
-use super::edges::PassEdges;
+use super::edges::{PassEdges, Spare};
 use super::graph::RegionGraph;
 use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope, smooth};
 use super::network::{Network, Output};
@@ -152,9 +152,15 @@ impl Prepared {
     }
 
     /// Random edges, noise and masks of one pass.
-    pub(super) fn draw(&self, config: &RegionGnnConfig, masked: f64, seed: Seed) -> Arc<PassEdges> {
+    pub(super) fn draw(
+        &self,
+        config: &RegionGnnConfig,
+        masked: f64,
+        seed: Seed,
+        spare: &Spare,
+    ) -> Arc<PassEdges> {
         let random = config.random_edges * self.graph.pixel_count() / REFERENCE_PIXELS;
-        Arc::new(PassEdges::draw(&self.graph, random, config.noise, masked, seed))
+        Arc::new(PassEdges::draw_into(spare, &self.graph, random, config.noise, masked, seed))
     }
 }
 
@@ -216,6 +222,13 @@ pub fn train(
     let elapsed = || spent + begun.elapsed().as_secs_f64();
     let budget = control.budget.map(|b| b.as_secs_f64() - preparation_seconds);
     let schedule = Schedule { peak: config.learning_rate, steps: config.epochs, warm_up: 0.03, floor: 0.01 };
+    let spare = Spare::default();
+    let draw = |epoch: usize| {
+        let seed = seed.derive_indexed("epoch", epoch);
+        let choice = seed.stream("extraction").random_range(0..samples.len());
+        (choice, samples[choice].0.draw(config, config.masked, seed, &spare))
+    };
+    let mut drawn = None;
     let mut times = Vec::new();
     let mut last = None;
     let mut kept = Instant::now();
@@ -235,11 +248,14 @@ pub fn train(
         let rate = phase.map_or_else(|| schedule.at(epoch), |phase| schedule.at_phase(phase.max(1e-3)));
         let epoch_begun = Instant::now();
         let seed = seed.derive_indexed("epoch", epoch);
-        let choice = seed.stream("extraction").random_range(0..samples.len());
+        let (choice, edges) = drawn.take().unwrap_or_else(|| draw(epoch));
         let (sample, correction) = &samples[choice];
-        let edges = sample.draw(config, config.masked, seed);
         let output = network.forward(&edges, None, seed)?;
-        let (losses, surrogate) = objective.evaluate(sample, correction.as_ref(), &output, seed)?;
+        // The next edges are drawn while the losses, which do not fill all threads, are taken.
+        let evaluate = || objective.evaluate(sample, correction.as_ref(), &output, seed);
+        let (evaluated, next) = rayon::join(evaluate, || draw(epoch + 1));
+        let (losses, surrogate) = evaluated?;
+        drawn = Some(next);
         if let Some((what, value)) = losses.first_absurd() {
             return Err(Error::Diverged { epoch, what, value });
         }
@@ -364,17 +380,27 @@ impl Objective<'_> {
             None => output.heights.clone(),
         };
         let y: Vec<f64> = corrected.to_vec1::<f32>()?.into_iter().map(f64::from).collect();
-        let mut gradient = vec![0.0; y.len()];
         let t = &self.target;
         let pixels = y.len() as f64;
-        let mut losses = LossValues {
-            ground_truth: ground_truth(&y, t, w.ground_truth, &mut gradient),
-            ssim: self.ssim.add(&y, w.ssim, &mut gradient),
-            gradient: slope(&y, t, w.gradient * pixels, &mut gradient),
-            sketch: sketch_order(&y, graph, &t.valid, seed, w.sketch, &mut gradient),
-            smooth: smooth(&y, (t.rows, t.cols), Some(&t.valid), SMOOTH_PAIRS, seed, w.smooth, &mut gradient),
-            further: 0.0,
+        let zeros = || vec![0.0; y.len()];
+        let (mut gradient, mut by_ssim, mut by_order) = (zeros(), zeros(), zeros());
+        let on_cells = || {
+            let shape = (t.rows, t.cols);
+            let smooth = smooth(&y, shape, Some(&t.valid), SMOOTH_PAIRS, seed, w.smooth, &mut gradient);
+            let ground_truth = ground_truth(&y, t, w.ground_truth, &mut gradient);
+            (ground_truth, slope(&y, t, w.gradient * pixels, &mut gradient), smooth)
         };
+        let ((ground_truth, gradient_loss, smooth), (ssim, sketch)) = rayon::join(on_cells, || {
+            rayon::join(
+                || self.ssim.add(&y, w.ssim, &mut by_ssim),
+                || sketch_order(&y, graph, &t.valid, seed, w.sketch, &mut by_order),
+            )
+        });
+        for ((g, ssim), order) in gradient.iter_mut().zip(by_ssim).zip(by_order) {
+            *g += ssim + order;
+        }
+        let mut losses =
+            LossValues { ground_truth, ssim, gradient: gradient_loss, sketch, smooth, further: 0.0 };
         let constant = |values: Vec<f64>| {
             let n = values.len();
             Tensor::from_vec(values.into_iter().map(|v| v as f32).collect(), n, &Device::Cpu)

@@ -1,7 +1,7 @@
 //! The edges of a few pixels, gathered into dense rows, and their hidden states.
 
 use super::super::edge_features::EdgeFeatures;
-use super::super::edges::PassEdges;
+use super::super::edges::{BlockEdges, PassEdges};
 use super::lanes::{
     State, add, add_scaled, add_to, dense_columns, dot, gated, load, outer_columns, relu, store, zero,
 };
@@ -14,19 +14,14 @@ pub(super) use super::super::edges::BLOCK as PIXELS;
 pub(in super::super) const LEAK: f32 = 0.2;
 
 /// Unmasked edges of up to [`PIXELS`] pixels, in pixel order.
-pub(super) struct EdgeBlock {
+pub(super) struct EdgeBlock<'a> {
+    all: &'a PassEdges,
+    /// Those of the block.
+    edges: BlockEdges<'a>,
     width: usize,
     features: EdgeFeatures,
-    /// Room for edges: the length of a row of `columns`.
-    stride: usize,
-    /// (stored, stride)
-    stored: Vec<f32>,
     /// (features + 1, stride), the last row for the noise.
     columns: Vec<f32>,
-    /// (edges)
-    pub(super) regions: Vec<u32>,
-    /// (edges) which pixel of the block.
-    pub(super) slots: Vec<u32>,
     /// (edges, H) hidden states `relu(pixel + region + W f)`.
     pub(super) hidden: Vec<f32>,
     /// (edges) attention logits before the leaky ReLU.
@@ -48,48 +43,64 @@ pub(super) struct Enc<'a> {
     pub(super) score: &'a [f32],
 }
 
-impl EdgeBlock {
-    pub(super) fn new(edges: &PassEdges, width: usize) -> Self {
-        let features = edges.graph().features();
-        let stride = edges.most_edges_of_a_block().next_multiple_of(16);
+impl<'a> EdgeBlock<'a> {
+    /// Takes up the first block.
+    pub(super) fn new(all: &'a PassEdges, width: usize) -> Self {
+        let features = all.graph().features();
+        let most = all.longest_stride();
         Self {
+            all,
+            edges: all.block(0),
             width,
             features,
-            stride,
-            stored: vec![0.0; features.stored_count() * stride],
-            columns: vec![0.0; (features.feature_count() + 1) * stride],
-            regions: Vec::with_capacity(stride),
-            slots: Vec::with_capacity(stride),
-            hidden: Vec::with_capacity(stride * width),
-            logits: Vec::with_capacity(stride),
-            weights: Vec::with_capacity(stride),
-            pulls: Vec::with_capacity(stride),
+            columns: vec![0.0; (features.feature_count() + 1) * most],
+            hidden: Vec::with_capacity(most * width),
+            logits: Vec::with_capacity(most),
+            weights: Vec::with_capacity(most),
+            pulls: Vec::with_capacity(most),
         }
     }
 
     /// Number of edges.
+    #[inline(always)]
     pub(super) fn len(&self) -> usize {
-        self.regions.len()
+        self.edges.len
     }
 
-    /// Collects the unmasked edges of `pixels` and makes their features.
+    /// Region of an edge.
     #[inline(always)]
-    pub(super) fn gather(&mut self, edges: &PassEdges, pixels: Range<usize>) {
-        self.regions.clear();
-        self.slots.clear();
-        let (made, noises) = self.columns.split_at_mut(self.features.feature_count() * self.stride);
-        for (slot, pixel) in pixels.enumerate() {
-            edges.each_of(pixel, |region, noise, stored| {
-                let edge = self.regions.len();
-                self.regions.push(region);
-                self.slots.push(slot as u32);
-                noises[edge] = noise;
-                for (column, value) in self.stored.chunks_exact_mut(self.stride).zip(stored) {
-                    column[edge] = *value;
-                }
-            });
-        }
-        self.features.expand(&self.stored, self.stride, made);
+    pub(super) fn region(&self, edge: usize) -> usize {
+        self.edges.regions[edge] as usize
+    }
+
+    /// Number of pixels.
+    #[inline(always)]
+    pub(super) fn pixels(&self) -> usize {
+        self.edges.ends.len()
+    }
+
+    /// Edges of a pixel of the block.
+    #[inline(always)]
+    pub(super) fn edges_of(&self, slot: usize) -> Range<usize> {
+        let start = if slot == 0 { 0 } else { self.edges.ends[slot - 1] };
+        start as usize..self.edges.ends[slot] as usize
+    }
+
+    /// (features + 1, stride)
+    #[inline(always)]
+    fn columns(&self) -> &[f32] {
+        &self.columns[..(self.features.feature_count() + 1) * self.edges.stride]
+    }
+
+    /// Takes up the edges of `pixels`, which begin at a multiple of [`PIXELS`], and makes their features.
+    #[inline(always)]
+    pub(super) fn gather(&mut self, pixels: &Range<usize>) {
+        self.edges = self.all.block(pixels.start / PIXELS);
+        let stride = self.edges.stride;
+        let (stored, noise) = self.edges.columns.split_at(self.features.stored_count() * stride);
+        let (made, rest) = self.columns.split_at_mut(self.features.feature_count() * stride);
+        self.features.expand(stored, stride, made);
+        rest[..stride].copy_from_slice(noise);
     }
 
     /// Hidden states, and the logits without their receiver's part. `pixel`: (pixels of the block, H).
@@ -100,20 +111,17 @@ impl EdgeBlock {
         enc: &Enc<'_>,
         pixel: &[f32],
     ) {
-        let edges = self.len();
-        self.hidden.resize(edges * self.width, 0.0);
-        self.logits.resize(edges, 0.0);
-        self.weights.resize(edges, 0.0);
+        // Whole groups: beyond the edges there is room up to a multiple of every group's size.
+        let room = self.len().next_multiple_of(B);
+        self.hidden.resize(room * self.width, 0.0);
+        self.logits.resize(room, 0.0);
         let score = load::<S, N>(enc.score, 0);
-        let mut edge = 0;
-        while edge + B <= edges {
-            self.encode_some::<S, N, B>(simd, enc, pixel, &score, edge);
-            edge += B;
+        for first in (0..room).step_by(B) {
+            self.encode_some::<S, N, B>(simd, enc, pixel, &score, first);
         }
-        while edge < edges {
-            self.encode_some::<S, N, 1>(simd, enc, pixel, &score, edge);
-            edge += 1;
-        }
+        self.hidden.truncate(self.len() * self.width);
+        self.logits.truncate(self.len());
+        self.weights.resize(self.len(), 0.0);
     }
 
     #[inline(always)]
@@ -127,11 +135,11 @@ impl EdgeBlock {
     ) {
         let mut sums = [zero::<S, N>(simd); B];
         for b in 0..B {
-            let base = load::<S, N>(pixel, self.slots[first + b] as usize);
-            let region = load::<S, N>(enc.region, self.regions[first + b] as usize);
+            let base = load::<S, N>(pixel, self.edges.slots[first + b] as usize);
+            let region = load::<S, N>(enc.region, self.region(first + b));
             sums[b] = add(simd, &base, &region);
         }
-        dense_columns::<S, N, B>(simd, &mut sums, &self.columns, self.stride, first, enc.edge);
+        dense_columns::<S, N, B>(simd, &mut sums, self.columns(), self.edges.stride, first, enc.edge);
         for b in 0..B {
             let hidden = relu(simd, &sums[b]);
             self.logits[first + b] = dot(simd, &hidden, score);
@@ -158,15 +166,16 @@ impl EdgeBlock {
         receivers: &Receivers<'_>,
         sums: &mut EdgeGradients<'_>,
     ) {
-        let edges = self.len();
-        self.pulls.resize(edges, 0.0);
-        for edge in 0..edges {
-            let node = if TO_REGIONS { self.regions[edge] } else { self.slots[edge] } as usize;
-            let hidden = load::<S, N>(&self.hidden, edge);
-            let grad = load::<S, N>(receivers.grad, node);
-            self.pulls[edge] = dot(simd, &grad, &hidden) - receivers.means[node];
-            self.logits[edge] += receivers.bias[node];
-            self.weights[edge] = receivers.log_sums[node];
+        self.pulls.resize(self.len(), 0.0);
+        for slot in 0..self.pixels() {
+            for edge in self.edges_of(slot) {
+                let node = if TO_REGIONS { self.region(edge) } else { slot };
+                let hidden = load::<S, N>(&self.hidden, edge);
+                let grad = load::<S, N>(receivers.grad, node);
+                self.pulls[edge] = dot(simd, &grad, &hidden) - receivers.means[node];
+                self.logits[edge] += receivers.bias[node];
+                self.weights[edge] = receivers.log_sums[node];
+            }
         }
         self.exponentiate();
         for ((pull, weight), logit) in self.pulls.iter_mut().zip(&self.weights).zip(&self.logits) {
@@ -174,22 +183,26 @@ impl EdgeBlock {
         }
         let score = load::<S, N>(enc.score, 0);
         let mut d_score = load::<S, N>(sums.score, 0);
-        for edge in 0..edges {
-            let (region, slot) = (self.regions[edge] as usize, self.slots[edge] as usize);
-            let node = if TO_REGIONS { region } else { slot };
-            let hidden = load::<S, N>(&self.hidden, edge);
-            let grad = load::<S, N>(receivers.grad, node);
-            let d_logit = self.pulls[edge];
-            sums.bias[node] += d_logit;
-            d_score = add_scaled(simd, &d_score, &hidden, d_logit);
-            let d = add_scaled(simd, &zero(simd), &grad, self.weights[edge]);
-            let d = gated(simd, &add_scaled(simd, &d, &score, d_logit), &hidden);
-            add_to::<S, N>(simd, sums.region, region, &d);
-            add_to::<S, N>(simd, sums.pixel, slot, &d);
-            store::<S, N>(&mut self.hidden, edge, &d);
+        for slot in 0..self.pixels() {
+            let mut d_pixel = load::<S, N>(sums.pixel, slot);
+            for edge in self.edges_of(slot) {
+                let region = self.region(edge);
+                let node = if TO_REGIONS { region } else { slot };
+                let hidden = load::<S, N>(&self.hidden, edge);
+                let grad = load::<S, N>(receivers.grad, node);
+                let d_logit = self.pulls[edge];
+                sums.bias[node] += d_logit;
+                d_score = add_scaled(simd, &d_score, &hidden, d_logit);
+                let d = add_scaled(simd, &zero(simd), &grad, self.weights[edge]);
+                let d = gated(simd, &add_scaled(simd, &d, &score, d_logit), &hidden);
+                add_to::<S, N>(simd, sums.region, region, &d);
+                d_pixel = add(simd, &d_pixel, &d);
+                store::<S, N>(&mut self.hidden, edge, &d);
+            }
+            store::<S, N>(sums.pixel, slot, &d_pixel);
         }
         store::<S, N>(sums.score, 0, &d_score);
-        outer_columns::<S, N, B>(simd, &self.columns, self.stride, &self.hidden, sums.edge);
+        outer_columns::<S, N, B>(simd, self.columns(), self.edges.stride, &self.hidden, sums.edge);
     }
 }
 

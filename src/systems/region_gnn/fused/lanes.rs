@@ -232,18 +232,22 @@ pub(super) fn outer_columns<S: Simd, const N: usize, const B: usize>(
     out: &mut [f32],
 ) {
     let inner = columns.len() / stride;
+    // At most B rows at a time, as even as can be: a tile of one row would read all of `d` for itself.
+    let tiles = inner.div_ceil(B);
     let mut k = 0;
-    while k + B <= inner {
-        outer_columns_tile::<S, N, B>(simd, columns, stride, d, out, k);
-        k += B;
-    }
-    while B > 4 && k + 4 <= inner {
-        outer_columns_tile::<S, N, 4>(simd, columns, stride, d, out, k);
-        k += 4;
-    }
-    while k < inner {
-        outer_columns_tile::<S, N, 1>(simd, columns, stride, d, out, k);
-        k += 1;
+    for tile in 0..tiles {
+        let rows = inner / tiles + usize::from(tile < inner % tiles);
+        match rows {
+            8 => outer_columns_tile::<S, N, 8>(simd, columns, stride, d, out, k),
+            7 => outer_columns_tile::<S, N, 7>(simd, columns, stride, d, out, k),
+            6 => outer_columns_tile::<S, N, 6>(simd, columns, stride, d, out, k),
+            5 => outer_columns_tile::<S, N, 5>(simd, columns, stride, d, out, k),
+            4 => outer_columns_tile::<S, N, 4>(simd, columns, stride, d, out, k),
+            3 => outer_columns_tile::<S, N, 3>(simd, columns, stride, d, out, k),
+            2 => outer_columns_tile::<S, N, 2>(simd, columns, stride, d, out, k),
+            _ => (k..k + rows).for_each(|k| outer_columns_tile::<S, N, 1>(simd, columns, stride, d, out, k)),
+        }
+        k += rows;
     }
 }
 

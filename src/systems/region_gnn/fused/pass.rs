@@ -4,7 +4,7 @@
 //! regions; then MLP_3. Nothing per edge is stored; a round keeps two states a pixel and a few a region.
 
 use super::super::config::{Pooling, RegionGnnConfig};
-use super::super::edges::PassEdges;
+use super::super::edges::{BLOCK, PassEdges};
 use super::super::network::reached_regions;
 use super::block::{Enc, Receivers};
 use super::layout::{Layout, MessageRanges};
@@ -564,9 +564,9 @@ fn gate(d: &mut [f32], value: &[f32]) {
     }
 }
 
-/// Pixels of one task.
+/// Pixels of one task: whole blocks.
 fn task_size(pixels: usize) -> usize {
-    pixels.div_ceil(TASKS)
+    pixels.div_ceil(TASKS).next_multiple_of(BLOCK)
 }
 
 fn tasks(pixels: usize) -> Vec<Range<usize>> {
@@ -577,11 +577,12 @@ fn tasks(pixels: usize) -> Vec<Range<usize>> {
 /// (3, regions) unmasked edges of each region by class of the pixel.
 fn class_counts(edges: &PassEdges, classes: &[u8]) -> Vec<f32> {
     let regions = edges.graph().region_count();
-    let mut counts = vec![0.0; INDICATORS.len() * regions];
-    for region in 0..regions {
-        for pixel in edges.pixels_of(region) {
-            counts[usize::from(classes[pixel]) * regions + region] += 1.0;
-        }
-    }
-    counts
+    let of_region = |region| {
+        let mut counts = [0.0f32; INDICATORS.len()];
+        edges.pixels_of(region).for_each(|pixel| counts[usize::from(classes[pixel])] += 1.0);
+        counts
+    };
+    let by_region: Vec<_> = (0..regions).into_par_iter().with_min_len(32).map(of_region).collect();
+    let class = |class: usize| by_region.iter().map(move |counts| counts[class]);
+    (0..INDICATORS.len()).flat_map(class).collect()
 }

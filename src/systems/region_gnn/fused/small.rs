@@ -1,29 +1,49 @@
-//! Dense algebra on a few hundred rows: regions, embeddings, the three first states.
+//! Dense algebra on a few hundred rows: regions, embeddings, the three first states; compiled for every instruction set.
+
+use pulp::Arch;
 
 const NORM_EPSILON: f32 = 1e-5;
 
 /// `out += x W`. `x`: (rows, inner); `weights`: (inner, width); `out`: (rows, width).
 pub(super) fn add_product(x: &[f32], weights: &[f32], width: usize, out: &mut [f32]) {
     let inner = weights.len() / width;
-    for (x, out) in x.chunks_exact(inner).zip(out.chunks_exact_mut(width)) {
-        for (x, w) in x.iter().zip(weights.chunks_exact(width)) {
-            add_scaled(out, w, *x);
-        }
-    }
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (x, out) in x.chunks_exact(inner).zip(out.chunks_exact_mut(width)) {
+                for (x, w) in x.iter().zip(weights.chunks_exact(width)) {
+                    add_row(out, w, *x);
+                }
+            }
+        },
+    );
 }
 
 /// `out += x^T d`. `x`: (rows, inner); `d`: (rows, width); `out`: (inner, width).
 pub(super) fn add_outer(x: &[f32], d: &[f32], width: usize, out: &mut [f32]) {
     let inner = out.len() / width;
-    for (x, d) in x.chunks_exact(inner).zip(d.chunks_exact(width)) {
-        for (x, out) in x.iter().zip(out.chunks_exact_mut(width)) {
-            add_scaled(out, d, *x);
-        }
-    }
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (x, d) in x.chunks_exact(inner).zip(d.chunks_exact(width)) {
+                for (x, out) in x.iter().zip(out.chunks_exact_mut(width)) {
+                    add_row(out, d, *x);
+                }
+            }
+        },
+    );
 }
 
 /// `out += x * factor`
 pub(super) fn add_scaled(out: &mut [f32], x: &[f32], factor: f32) {
+    Arch::new().dispatch(
+        #[inline(always)]
+        || add_row(out, x, factor),
+    );
+}
+
+#[inline(always)]
+fn add_row(out: &mut [f32], x: &[f32], factor: f32) {
     for (o, v) in out.iter_mut().zip(x) {
         *o += v * factor;
     }

@@ -74,24 +74,21 @@ impl ToPixels<'_> {
     fn encode<S: Simd, const N: usize, const B: usize>(
         &self,
         simd: S,
-        block: &mut EdgeBlock,
+        block: &mut EdgeBlock<'_>,
         pixels: Range<usize>,
         scratch: &mut Scratch,
     ) {
-        block.gather(self.edges, pixels.clone());
-        scratch.rows.fill(0.0);
-        scratch.reached.fill(false);
-        for edge in 0..block.len() {
-            let slot = block.slots[edge] as usize;
-            let pooled = load::<S, N>(self.pooled, block.regions[edge] as usize);
-            add_to::<S, N>(simd, &mut scratch.rows, slot, &pooled);
-            scratch.reached[slot] = true;
-        }
+        block.gather(&pixels);
         let attend = load::<S, N>(self.get(&self.ranges.attend_state), 0);
         for (slot, pixel) in pixels.enumerate() {
-            let row = load::<S, N>(&scratch.rows, slot);
+            let edges = block.edges_of(slot);
+            scratch.reached[slot] = !edges.is_empty();
+            let mut pooled = zero(simd);
+            for edge in edges {
+                pooled = add(simd, &pooled, &load::<S, N>(self.pooled, block.region(edge)));
+            }
             let weight = self.pool_weight(pixel);
-            store::<S, N>(&mut scratch.rows, slot, &add_scaled(simd, &zero(simd), &row, weight));
+            store::<S, N>(&mut scratch.rows, slot, &add_scaled(simd, &zero(simd), &pooled, weight));
             let state = load::<S, N>(self.states.row(pixel, self.width), 0);
             scratch.bias[slot] = dot(simd, &state, &attend) + self.constant;
         }
@@ -197,9 +194,11 @@ impl Forward<'_> {
                 Next::Round(states) => {
                     states[local * width..(local + count) * width]
                         .copy_from_slice(&scratch.states[..count * width]);
-                    for edge in 0..block.len() {
-                        let state = load::<S, N>(&scratch.states, block.slots[edge] as usize);
-                        add_to::<S, N>(simd, &mut pool, block.regions[edge] as usize, &state);
+                    for slot in 0..count {
+                        let state = load::<S, N>(&scratch.states, slot);
+                        for edge in block.edges_of(slot) {
+                            add_to::<S, N>(simd, &mut pool, block.region(edge), &state);
+                        }
                     }
                 }
                 Next::Heights(heights) => {
@@ -220,37 +219,32 @@ impl Forward<'_> {
 #[inline(always)]
 fn attend_pixels<S: Simd, const N: usize>(
     simd: S,
-    block: &mut EdgeBlock,
+    block: &mut EdgeBlock<'_>,
     bias: &[f32; PIXELS],
     mean: &mut [f32],
     log_sums: &mut [f32],
 ) {
     let mut highest = [f32::NEG_INFINITY; PIXELS];
-    for edge in 0..block.len() {
-        let slot = block.slots[edge] as usize;
-        block.logits[edge] += bias[slot];
-        highest[slot] = highest[slot].max(leaky(block.logits[edge]));
-    }
-    for edge in 0..block.len() {
-        block.weights[edge] = highest[block.slots[edge] as usize];
+    for slot in 0..block.pixels() {
+        let edges = block.edges_of(slot);
+        for logit in &mut block.logits[edges.clone()] {
+            *logit += bias[slot];
+            highest[slot] = highest[slot].max(leaky(*logit));
+        }
+        block.weights[edges].fill(highest[slot]);
     }
     block.exponentiate();
-    let mut totals = [0.0f32; PIXELS];
-    mean.fill(0.0);
-    for edge in 0..block.len() {
-        let (slot, weight) = (block.slots[edge] as usize, block.weights[edge]);
-        totals[slot] += weight;
-        let sum = load::<S, N>(mean, slot);
-        let hidden = load::<S, N>(&block.hidden, edge);
-        store::<S, N>(mean, slot, &add_scaled(simd, &sum, &hidden, weight));
-    }
-    for slot in 0..log_sums.len() {
-        log_sums[slot] = 0.0;
-        if totals[slot] > 0.0 {
-            let sum = load::<S, N>(mean, slot);
-            store::<S, N>(mean, slot, &add_scaled(simd, &zero(simd), &sum, 1.0 / totals[slot]));
-            log_sums[slot] = highest[slot] + totals[slot].ln();
+    for slot in 0..block.pixels() {
+        let (mut sum, mut total) = (zero(simd), 0.0);
+        for edge in block.edges_of(slot) {
+            let weight = block.weights[edge];
+            total += weight;
+            sum = add_scaled(simd, &sum, &load::<S, N>(&block.hidden, edge), weight);
         }
+        let reached = total > 0.0;
+        let scale = if reached { 1.0 / total } else { 0.0 };
+        store::<S, N>(mean, slot, &add_scaled(simd, &zero(simd), &sum, scale));
+        log_sums[slot] = if reached { highest[slot] + total.ln() } else { 0.0 };
     }
 }
 
@@ -331,9 +325,12 @@ impl Backward<'_> {
             match &self.source {
                 Source::Round { states, pool } => {
                     d.copy_from_slice(&states[values]);
-                    for edge in 0..block.len() {
-                        let pooled = load::<S, N>(pool, block.regions[edge] as usize);
-                        add_to::<S, N>(simd, d, block.slots[edge] as usize, &pooled);
+                    for slot in 0..count {
+                        let mut sum = load::<S, N>(d, slot);
+                        for edge in block.edges_of(slot) {
+                            sum = add(simd, &sum, &load::<S, N>(pool, block.region(edge)));
+                        }
+                        store::<S, N>(d, slot, &sum);
                     }
                 }
                 Source::Heights { heights, hidden_transposed } => {
@@ -395,9 +392,11 @@ impl Backward<'_> {
                 }
             }
             store::<S, N>(attend, 0, &d_attend);
-            for edge in 0..block.len() {
-                let row = load::<S, N>(d_rows, block.slots[edge] as usize);
-                add_to::<S, N>(simd, &mut sums.pooled, block.regions[edge] as usize, &row);
+            for slot in 0..count {
+                let row = load::<S, N>(d_rows, slot);
+                for edge in block.edges_of(slot) {
+                    add_to::<S, N>(simd, &mut sums.pooled, block.region(edge), &row);
+                }
             }
         }
         sums

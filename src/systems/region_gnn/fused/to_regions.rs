@@ -84,13 +84,13 @@ impl Forward<'_> {
         while start < self.pixels.end {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
-            block.gather(inputs.edges, pixels.clone());
+            block.gather(&pixels);
             let rows = &mut rows[..pixels.len() * inputs.width];
             inputs.pixel_rows::<S, N, B>(simd, pixels, rows);
             block.encode::<S, N, B>(simd, &inputs.enc, rows);
             // The highest scores first, so that all weights of the block come from one reference each.
             for edge in 0..block.len() {
-                let region = block.regions[edge] as usize;
+                let region = block.region(edge);
                 block.logits[edge] += inputs.bias[region];
                 let score = leaky(block.logits[edge]);
                 if score > partial.highest[region] {
@@ -102,11 +102,11 @@ impl Forward<'_> {
                 }
             }
             for edge in 0..block.len() {
-                block.weights[edge] = partial.highest[block.regions[edge] as usize];
+                block.weights[edge] = partial.highest[block.region(edge)];
             }
             block.exponentiate();
             for edge in 0..block.len() {
-                let (region, weight) = (block.regions[edge] as usize, block.weights[edge]);
+                let (region, weight) = (block.region(edge), block.weights[edge]);
                 partial.total[region] += weight;
                 let sum = load::<S, N>(&partial.sum, region);
                 let hidden = load::<S, N>(&block.hidden, edge);
@@ -201,7 +201,7 @@ impl Backward<'_> {
         while start < self.pixels.end {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
-            block.gather(inputs.edges, pixels.clone());
+            block.gather(&pixels);
             let (rows, d_rows) = (&mut rows[..pixels.len() * width], &mut d_rows[..pixels.len() * width]);
             inputs.pixel_rows::<S, N, B>(simd, pixels.clone(), rows);
             block.encode::<S, N, B>(simd, &inputs.enc, rows);

@@ -4,6 +4,7 @@ use super::super::graph::RegionGraph;
 use crate::learn::{exp, ln};
 use crate::seed::Seed;
 use crate::sketch::StrokeKind;
+use pulp::Arch;
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -33,7 +34,13 @@ pub fn sketch_order(
     let counts = |edge: usize| {
         graph.distances()[edge] > 0.0 && (whole || valid[edge / k] && valid[graph.projected_pixel(edge)])
     };
-    let count = (0..y.len() * k).filter(|&edge| counts(edge)).count().max(1) as f64;
+    let signs: Vec<f32> = graph
+        .regions()
+        .iter()
+        .map(|region| if region.kind() == StrokeKind::Ridge { 1.0 } else { -1.0 })
+        .collect();
+    let count = if whole { graph.long_edges() } else { (0..y.len() * k).filter(|&e| counts(e)).count() };
+    let count = count.max(1) as f64;
     let factor = (weight / TEMPERATURE / count) as f32;
     let partials: Vec<(f64, Vec<f32>)> = (0..y.len().div_ceil(chunk))
         .into_par_iter()
@@ -48,10 +55,7 @@ pub fn sketch_order(
                 batch.len = 0;
                 for edge in rest.by_ref().take(BATCH) {
                     let (pixel, line) = (edge / k, graph.projected_pixel(edge));
-                    let sign = match graph.regions()[graph.nearest()[edge] as usize].kind() {
-                        StrokeKind::Ridge => 1.0,
-                        StrokeKind::Valley => -1.0,
-                    };
+                    let sign = signs[graph.nearest()[edge] as usize];
                     batch.push(pixel, line, sign, (y[pixel] - y[line]) as f32, stream.random());
                 }
                 total += batch.evaluate();
@@ -110,19 +114,24 @@ impl Batch {
         self.len += 1;
     }
 
-    /// Fills `wrong` and returns the sum of the cross-entropies.
+    /// Fills `wrong` and returns the sum of the cross-entropies; compiled for every instruction set.
     fn evaluate(&mut self) -> f64 {
-        let mut costs = [0.0; BATCH];
-        #[allow(clippy::needless_range_loop, reason = "five columns of one batch")]
-        for i in 0..BATCH {
-            let u = self.uniforms[i];
-            let noise = NOISE as f32 * ln(u / (1.0 - u));
-            // The logit of the wrong side being higher.
-            let logit = self.signs[i] * self.rises[i] / TEMPERATURE as f32 + noise;
-            let small = exp(-logit.abs());
-            costs[i] = logit.max(0.0) + ln(1.0 + small);
-            self.wrong[i] = if logit > 0.0 { 1.0 } else { small } / (1.0 + small);
-        }
+        let mut costs = [0.0f32; BATCH];
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                #[allow(clippy::needless_range_loop, reason = "five columns of one batch")]
+                for i in 0..BATCH {
+                    let u = self.uniforms[i];
+                    let noise = NOISE as f32 * ln(u / (1.0 - u));
+                    // The logit of the wrong side being higher.
+                    let logit = self.signs[i] * self.rises[i] / TEMPERATURE as f32 + noise;
+                    let small = exp(-logit.abs());
+                    costs[i] = logit.max(0.0) + ln(1.0 + small);
+                    self.wrong[i] = if logit > 0.0 { 1.0 } else { small } / (1.0 + small);
+                }
+            },
+        );
         costs[..self.len].iter().map(|c| f64::from(*c)).sum()
     }
 }
