@@ -107,8 +107,9 @@ impl EdgeFeatures {
             fill(next(), along, tanh);
             fill(next(), across, tanh);
             fill(next(), distance, |d| ln(1.0 + d) / 2.0);
-            fill(next(), distance, |d| exp(-d / 2.0));
-            fill(next(), distance, |d| exp(-d / 6.0));
+            let (near, wide) = (next(), next());
+            fill(wide, distance, |d| exp(-d / 6.0));
+            fill(near, wide, |wide| wide * wide * wide);
             next().copy_from_slice(&stored[4 * stride..5 * stride]);
             let mut turns = [(next(), next()), (next(), next())];
             fill_two(&mut turns[0], along);

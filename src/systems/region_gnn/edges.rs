@@ -314,3 +314,93 @@ fn sorted_by(
     }
     (offsets, values)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Cell;
+    use crate::sketch::{LineMap, SketchPart, StrokeKind};
+    use crate::systems::region_gnn::RegionGnnConfig;
+
+    /// Parts along some rows of a map.
+    fn graph(rows: usize, cols: usize) -> Arc<RegionGraph> {
+        let mut lines = LineMap::empty(rows, cols);
+        let parts: Vec<SketchPart> = (1..rows)
+            .step_by(3)
+            .map(|row| {
+                let kind = if row % 2 == 0 { StrokeKind::Ridge } else { StrokeKind::Valley };
+                let cells: Vec<Cell> = (row % 4..row % 4 + 6).map(|col| Cell::new(row, col)).collect();
+                let heights: Vec<f32> = (0..6).map(|i| 0.1 * (row + i) as f32).collect();
+                cells.iter().zip(&heights).for_each(|(&c, &z)| lines.set(c, kind, z));
+                SketchPart { kind, cells, heights }
+            })
+            .collect();
+        let config = RegionGnnConfig { neighbours: 3, ..RegionGnnConfig::paper() };
+        Arc::new(RegionGraph::new(&lines, &parts, None, &config).unwrap())
+    }
+
+    /// (region, stored, noise) of every edge, by pixel.
+    fn by_pixel(edges: &PassEdges) -> Vec<Vec<(u32, Vec<f32>, f32)>> {
+        let mut all = Vec::new();
+        for index in 0..edges.block_count() {
+            let block = edges.block(index);
+            assert!(block.stride.is_multiple_of(LANES) && block.len <= block.stride);
+            let mut start = 0;
+            for (slot, end) in block.ends.iter().enumerate() {
+                let one = |edge: usize| {
+                    assert_eq!(block.slots[edge] as usize, slot);
+                    let values: Vec<f32> = block.columns.chunks(block.stride).map(|c| c[edge]).collect();
+                    let (noise, stored) = values.split_last().unwrap();
+                    (block.regions[edge], stored.to_vec(), *noise)
+                };
+                all.push((start..*end as usize).map(one).collect());
+                start = *end as usize;
+            }
+            assert_eq!(start, block.len);
+        }
+        all
+    }
+
+    #[test]
+    fn every_unmasked_edge_lies_at_its_pixel_once() {
+        let graph = graph(13, 13);
+        let edges = PassEdges::draw(&graph, 90, 1.0, 0.4, Seed(3));
+        let (k, n) = (graph.k(), graph.features().stored_count());
+        let found = by_pixel(&edges);
+        assert_eq!(found.len(), graph.pixel_count());
+        assert!(edges.masked().contains(&true) && edges.masked().contains(&false));
+        let mut random = vec![Vec::new(); graph.pixel_count()];
+        for region in (0..graph.region_count()).filter(|r| !edges.masked()[*r]) {
+            let fixed = graph.pixels_of(region).len();
+            edges.pixels_of(region).skip(fixed).for_each(|pixel| random[pixel].push(region as u32));
+        }
+        assert!(random.iter().any(|regions| regions.len() > 1));
+        for (pixel, found) in found.iter().enumerate() {
+            let open = |region: &u32| !edges.masked()[*region as usize];
+            let fixed: Vec<u32> =
+                graph.nearest()[pixel * k..(pixel + 1) * k].iter().copied().filter(open).collect();
+            let (near, far) = found.split_at(fixed.len());
+            assert_eq!(near.iter().map(|e| e.0).collect::<Vec<_>>(), fixed);
+            let mut regions: Vec<u32> = far.iter().map(|e| e.0).collect();
+            regions.sort_unstable();
+            assert_eq!(regions, random[pixel]);
+            for (region, stored, noise) in found {
+                assert_eq!(stored[..], graph.stored_for(pixel, *region as usize)[..n]);
+                assert!(*noise != 0.0 && noise.abs() < 6.0);
+            }
+        }
+    }
+
+    #[test]
+    fn memory_of_another_pass_changes_nothing() {
+        let (small, large) = (graph(13, 13), graph(40, 31));
+        let spare = Spare::default();
+        drop(PassEdges::draw_into(&spare, &large, 500, 1.0, 0.0, Seed(1)));
+        let reused = PassEdges::draw_into(&spare, &small, 90, 1.0, 0.4, Seed(3));
+        assert_eq!(by_pixel(&reused), by_pixel(&PassEdges::draw(&small, 90, 1.0, 0.4, Seed(3))));
+        for index in 0..reused.block_count() {
+            let block = reused.block(index);
+            assert!(block.regions[block.len..].iter().chain(&block.slots[block.len..]).all(|v| *v == 0));
+        }
+    }
+}
