@@ -22,9 +22,8 @@ pub(super) struct EdgeFeatures {
     anchored: bool,
 }
 
-/// What one edge stores: relative index and distance of the projection; in the local frame, position along and across and
-/// number of cells; in the anchored frame, height above the base, distances to the nearest part and to the mean of the k
-/// nearest.
+/// What one edge stores: relative index and distance of the projection; in the local frame, position along and across; in the
+/// anchored frame, height above the base, distances to the nearest part and to the mean of the k nearest.
 pub(super) type Stored = [f32; MOST_STORED];
 
 /// What an anchored edge knows beyond its geometry.
@@ -50,7 +49,7 @@ impl EdgeFeatures {
     fn geometry_stored(self) -> usize {
         match self.geometry {
             EdgeGeometry::Projection => 2,
-            EdgeGeometry::LocalFrame => 5,
+            EdgeGeometry::LocalFrame => 4,
         }
     }
 
@@ -79,7 +78,6 @@ impl EdgeFeatures {
             // So that pixels far from thin lines do not run through many periods of the sines.
             let scaled = |v: f32| if self.anchored { (v / 8.0).asinh() } else { v / 8.0 };
             (out[2], out[3]) = (scaled(along), scaled(across));
-            out[4] = region.cell_count() as f32 / 10.0;
         }
         if self.anchored {
             let at = self.geometry_stored();
@@ -90,13 +88,19 @@ impl EdgeFeatures {
         out
     }
 
-    /// Makes the features of many edges. `stored`: (stored, stride); `out`: (features, stride).
+    /// What an edge knows of its part alone, and therefore does not store: the number of its cells.
+    pub(super) fn size(region: &Region) -> f32 {
+        region.cell_count() as f32 / 10.0
+    }
+
+    /// Makes the features of many edges. `stored`: (stored, stride); `sizes`: (stride) that of each edge's part, see
+    /// [`size`](Self::size); `out`: (features, stride).
     ///
     /// Projection index, distance, then in the local frame position, distance on other scales, size of the part, sine and
     /// cosine of the position at [`FREQUENCIES`] frequencies; then the height and how far apart the lines are around the
     /// pixel: nearest, mean, and this edge against the nearest.
     #[inline(always)]
-    pub(super) fn expand(self, stored: &[f32], stride: usize, out: &mut [f32]) {
+    pub(super) fn expand(self, stored: &[f32], sizes: &[f32], stride: usize, out: &mut [f32]) {
         out[..stride].copy_from_slice(&stored[..stride]);
         let distance = &stored[stride..2 * stride];
         let mut rows = out[stride..].chunks_exact_mut(stride);
@@ -110,7 +114,7 @@ impl EdgeFeatures {
             let (near, wide) = (next(), next());
             fill(wide, distance, |d| exp(-d / 6.0));
             fill(near, wide, |wide| wide * wide * wide);
-            next().copy_from_slice(&stored[4 * stride..5 * stride]);
+            next().copy_from_slice(&sizes[..stride]);
             let mut turns = [(next(), next()), (next(), next())];
             fill_two(&mut turns[0], along);
             fill_two(&mut turns[1], across);

@@ -49,9 +49,8 @@ struct Lists {
     /// Edges of every block, and where its room begins: the edges before it, each block rounded up to [`LANES`].
     lengths: Vec<u32>,
     starts: Vec<usize>,
-    /// (room) region and pixel within the block of every edge; 0 where there is no edge.
+    /// (room) region of every edge; 0 where there is no edge.
     regions: Vec<u32>,
-    slots: Vec<u32>,
     /// (pixels) where the edges of each end within its block.
     ends: Vec<u32>,
     /// By blocks: (stored + 1, room of the block), the last row for the noise; anything where there is no edge.
@@ -67,8 +66,6 @@ pub(super) struct BlockEdges<'a> {
     pub(super) stride: usize,
     /// (stride) region; 0 beyond the edges.
     pub(super) regions: &'a [u32],
-    /// (stride) pixel within the block, ascending; 0 beyond the edges.
-    pub(super) slots: &'a [u32],
     /// (pixels of the block) where the edges of each end.
     pub(super) ends: &'a [u32],
     /// (stored + 1, stride), the last row for the noise; anything beyond the edges.
@@ -85,7 +82,6 @@ struct RandomEdges {
 struct Room<'a> {
     block: usize,
     regions: &'a mut [u32],
-    slots: &'a mut [u32],
     ends: &'a mut [u32],
     columns: &'a mut [f32],
 }
@@ -153,21 +149,19 @@ impl PassEdges {
             room += (*length as usize).next_multiple_of(LANES);
             lists.starts.push(room);
         }
-        let Lists { starts, regions, slots, ends, columns, .. } = &mut lists;
+        let Lists { starts, regions, ends, columns, .. } = &mut lists;
         regions.resize(room, 0);
-        slots.resize(room, 0);
         ends.clear();
         ends.resize(self.graph.pixel_count(), 0);
         columns.resize(room * rows, 0.0);
         let mut rooms = Vec::with_capacity(blocks);
-        let mut rest = (regions.as_mut_slice(), slots.as_mut_slice(), columns.as_mut_slice());
+        let mut rest = (regions.as_mut_slice(), columns.as_mut_slice());
         for (block, ends) in ends.chunks_mut(BLOCK).enumerate() {
             let size = starts[block + 1] - starts[block];
             let (regions, rest_of_regions) = rest.0.split_at_mut(size);
-            let (slots, rest_of_slots) = rest.1.split_at_mut(size);
-            let (columns, rest_of_columns) = rest.2.split_at_mut(size * rows);
-            rest = (rest_of_regions, rest_of_slots, rest_of_columns);
-            rooms.push(Room { block, regions, slots, ends, columns });
+            let (columns, rest_of_columns) = rest.1.split_at_mut(size * rows);
+            rest = (rest_of_regions, rest_of_columns);
+            rooms.push(Room { block, regions, ends, columns });
         }
         rooms.into_par_iter().with_min_len(64).for_each(|room| self.fill(room, &random, noise));
         self.lists = lists;
@@ -182,7 +176,6 @@ impl PassEdges {
         let mut ids = Vec::with_capacity(stride);
         self.each_drawn(room.block, random, |slot, region, edge| {
             room.regions[ids.len()] = region;
-            room.slots[ids.len()] = slot as u32;
             ids.push(edge);
             room.ends[slot] = ids.len() as u32;
         });
@@ -194,7 +187,8 @@ impl PassEdges {
             }
         }
         for i in (0..at).filter(|&i| ids[i] >= fixed) {
-            let pixel = room.block * BLOCK + room.slots[i] as usize;
+            let slot = room.ends.iter().take_while(|end| **end as usize <= i).count();
+            let pixel = room.block * BLOCK + slot;
             let drawn = graph.stored_for(pixel, room.regions[i] as usize);
             stored[i..].iter_mut().step_by(stride).zip(&drawn[..n]).for_each(|(to, value)| *to = *value);
         }
@@ -202,7 +196,6 @@ impl PassEdges {
             *value = noise[*edge];
         }
         room.regions[at..].fill(0);
-        room.slots[at..].fill(0);
         // Pixels without an edge end where the one before them does.
         for slot in 1..room.ends.len() {
             room.ends[slot] = room.ends[slot].max(room.ends[slot - 1]);
@@ -268,7 +261,6 @@ impl PassEdges {
             len: lists.lengths[block] as usize,
             stride: room.len(),
             regions: &lists.regions[room.clone()],
-            slots: &lists.slots[room.clone()],
             ends: &lists.ends[pixels],
             columns: &lists.columns[room.start * rows..room.end * rows],
         }
@@ -346,9 +338,8 @@ mod tests {
             let block = edges.block(index);
             assert!(block.stride.is_multiple_of(LANES) && block.len <= block.stride);
             let mut start = 0;
-            for (slot, end) in block.ends.iter().enumerate() {
+            for end in block.ends {
                 let one = |edge: usize| {
-                    assert_eq!(block.slots[edge] as usize, slot);
                     let values: Vec<f32> = block.columns.chunks(block.stride).map(|c| c[edge]).collect();
                     let (noise, stored) = values.split_last().unwrap();
                     (block.regions[edge], stored.to_vec(), *noise)
@@ -400,7 +391,7 @@ mod tests {
         assert_eq!(by_pixel(&reused), by_pixel(&PassEdges::draw(&small, 90, 1.0, 0.4, Seed(3))));
         for index in 0..reused.block_count() {
             let block = reused.block(index);
-            assert!(block.regions[block.len..].iter().chain(&block.slots[block.len..]).all(|v| *v == 0));
+            assert!(block.regions[block.len..].iter().all(|region| *region == 0));
         }
     }
 }

@@ -18,6 +18,8 @@ pub struct RegionGraph {
     cols: usize,
     k: usize,
     regions: Vec<Region>,
+    /// (regions) what an edge knows of its part alone.
+    sizes: Vec<f32>,
     /// (pixels, k) region of each edge, nearest first, ties by index.
     nearest: Vec<u32>,
     /// (pixels, k) index of the nearest cell on that region.
@@ -97,6 +99,7 @@ impl RegionGraph {
             rows,
             cols,
             k,
+            sizes: regions.iter().map(EdgeFeatures::size).collect(),
             regions,
             nearest,
             projections,
@@ -217,6 +220,11 @@ impl RegionGraph {
     #[must_use]
     pub fn pixels_of(&self, region: usize) -> &[u32] {
         &self.region_pixels[self.region_offsets[region] as usize..self.region_offsets[region + 1] as usize]
+    }
+
+    /// (regions) what an edge knows of its part alone.
+    pub(super) fn sizes(&self) -> &[f32] {
+        &self.sizes
     }
 
     /// How the features of edges are made.

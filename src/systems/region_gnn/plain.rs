@@ -55,13 +55,14 @@ pub(super) fn states(
     let (mut row, mut rows) = (vec![0.0; kinds.feature_count()], Vec::new());
     for block in 0..edges.block_count() {
         let some = edges.block(block);
-        for (edge, (region, slot)) in some.regions.iter().zip(some.slots).enumerate().take(some.len) {
-            pixels.push((block * BLOCK) as u32 + slot);
+        for (edge, region) in some.regions.iter().enumerate().take(some.len) {
+            let slot = some.ends.iter().take_while(|end| **end as usize <= edge).count();
+            pixels.push((block * BLOCK + slot) as u32);
             regions.push(*region);
             let values: Vec<f32> =
                 some.columns.chunks_exact(some.stride).map(|column| column[edge]).collect();
             let (noise, stored) = values.split_last().unwrap_or_else(|| unreachable!("every edge has noise"));
-            kinds.expand(stored, 1, &mut row);
+            kinds.expand(stored, &graph.sizes()[*region as usize..], 1, &mut row);
             rows.extend_from_slice(&row);
             rows.push(*noise);
         }

@@ -20,6 +20,9 @@ pub(super) struct EdgeBlock<'a> {
     edges: BlockEdges<'a>,
     width: usize,
     features: EdgeFeatures,
+    /// (stride) pixel within the block and size of the part of every edge.
+    slots: Vec<u32>,
+    sizes: Vec<f32>,
     /// (features + 1, stride), the last row for the noise.
     columns: Vec<f32>,
     /// (edges, H) hidden states `relu(pixel + region + W f)`.
@@ -53,6 +56,8 @@ impl<'a> EdgeBlock<'a> {
             edges: all.block(0),
             width,
             features,
+            slots: vec![0; most],
+            sizes: vec![0.0; most],
             columns: vec![0.0; (features.feature_count() + 1) * most],
             hidden: Vec::with_capacity(most * width),
             logits: Vec::with_capacity(most),
@@ -97,9 +102,19 @@ impl<'a> EdgeBlock<'a> {
     pub(super) fn gather(&mut self, pixels: &Range<usize>) {
         self.edges = self.all.block(pixels.start / PIXELS);
         let stride = self.edges.stride;
+        for slot in 0..self.pixels() {
+            let edges = self.edges_of(slot);
+            self.slots[edges].fill(slot as u32);
+        }
+        // Beyond the edges any pixel of the block will do.
+        self.slots[self.edges.len..].fill(0);
+        let sizes = self.all.graph().sizes();
+        for (size, region) in self.sizes.iter_mut().zip(self.edges.regions) {
+            *size = sizes[*region as usize];
+        }
         let (stored, noise) = self.edges.columns.split_at(self.features.stored_count() * stride);
         let (made, rest) = self.columns.split_at_mut(self.features.feature_count() * stride);
-        self.features.expand(stored, stride, made);
+        self.features.expand(stored, &self.sizes, stride, made);
         rest[..stride].copy_from_slice(noise);
     }
 
@@ -135,7 +150,7 @@ impl<'a> EdgeBlock<'a> {
     ) {
         let mut sums = [zero::<S, N>(simd); B];
         for b in 0..B {
-            let base = load::<S, N>(pixel, self.edges.slots[first + b] as usize);
+            let base = load::<S, N>(pixel, self.slots[first + b] as usize);
             let region = load::<S, N>(enc.region, self.region(first + b));
             sums[b] = add(simd, &base, &region);
         }
