@@ -5,6 +5,7 @@ use crate::seed::Seed;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Noise values of one stream: fixed, so that the same bytes come out on any number of threads.
@@ -264,6 +265,12 @@ impl PassEdges {
             ends: &lists.ends[pixels],
             columns: &lists.columns[room.start * rows..room.end * rows],
         }
+    }
+
+    /// Where the edges of whole blocks of pixels lie in a list with room for all edges.
+    pub(super) fn room(&self, pixels: &Range<usize>) -> Range<usize> {
+        let starts = &self.lists.starts;
+        starts[pixels.start / BLOCK]..starts[pixels.end.div_ceil(BLOCK)]
     }
 
     /// Number of blocks.

@@ -24,6 +24,8 @@ pub struct RegionGraph {
     nearest: Vec<u32>,
     /// (pixels, k) index of the nearest cell on that region.
     projections: Vec<u8>,
+    /// (pixels, k) pixel of that cell.
+    projected: Vec<u32>,
     /// (pixels, k) distance to it, in cells.
     distances: Vec<f32>,
     /// How many of them are positive.
@@ -80,6 +82,11 @@ impl RegionGraph {
         let ties = nearest_regions(&regions, rows, cols, k);
         let nearest: Vec<u32> = ties.iter().map(|(region, _)| *region).collect();
         let projections = ties.iter().map(|(_, p)| p.index as u8).collect();
+        let pixel_of = |(region, p): &(u32, Projection)| {
+            let cell = regions[*region as usize].cell(p.index);
+            (cell.row * cols + cell.col) as u32
+        };
+        let projected = ties.iter().map(pixel_of).collect();
         let distances: Vec<f32> = ties.iter().map(|(_, p)| p.distance).collect();
         let long_edges = distances.iter().filter(|distance| **distance > 0.0).count();
         let (region_offsets, region_pixels) = by_region(&nearest, k, regions.len());
@@ -103,6 +110,7 @@ impl RegionGraph {
             regions,
             nearest,
             projections,
+            projected,
             distances,
             long_edges,
             features: EdgeFeatures::of(config),
@@ -264,8 +272,7 @@ impl RegionGraph {
     /// Pixel index of the cell on which a fixed edge projects.
     #[must_use]
     pub fn projected_pixel(&self, edge: usize) -> usize {
-        let cell = self.regions[self.nearest[edge] as usize].cell(usize::from(self.projections[edge]));
-        cell.row * self.cols + cell.col
+        self.projected[edge] as usize
     }
 
     /// Height of the sketch where a fixed edge projects.

@@ -91,6 +91,13 @@ impl<'a> EdgeBlock<'a> {
         start as usize..self.edges.ends[slot] as usize
     }
 
+    /// Where the edges of `pixels` lie in a list with room for those of a task.
+    #[inline(always)]
+    pub(super) fn room(&self, pixels: &Range<usize>, task: &Range<usize>) -> Range<usize> {
+        let (room, first) = (self.all.room(pixels), self.all.room(task).start);
+        room.start - first..room.end - first
+    }
+
     /// (features + 1, stride)
     #[inline(always)]
     fn columns(&self) -> &[f32] {
@@ -118,9 +125,9 @@ impl<'a> EdgeBlock<'a> {
         rest[..stride].copy_from_slice(noise);
     }
 
-    /// Hidden states, and the logits without their receiver's part. `pixel`: (pixels of the block, H).
+    /// Hidden states and, when they are wanted, the logits without their receiver's part. `pixel`: (pixels of the block, H).
     #[inline(always)]
-    pub(super) fn encode<S: Simd, const N: usize, const B: usize>(
+    pub(super) fn encode<S: Simd, const N: usize, const B: usize, const LOGITS: bool>(
         &mut self,
         simd: S,
         enc: &Enc<'_>,
@@ -132,7 +139,7 @@ impl<'a> EdgeBlock<'a> {
         self.logits.resize(room, 0.0);
         let score = load::<S, N>(enc.score, 0);
         for first in (0..room).step_by(B) {
-            self.encode_some::<S, N, B>(simd, enc, pixel, &score, first);
+            self.encode_some::<S, N, B, LOGITS>(simd, enc, pixel, &score, first);
         }
         self.hidden.truncate(self.len() * self.width);
         self.logits.truncate(self.len());
@@ -140,7 +147,7 @@ impl<'a> EdgeBlock<'a> {
     }
 
     #[inline(always)]
-    fn encode_some<S: Simd, const N: usize, const B: usize>(
+    fn encode_some<S: Simd, const N: usize, const B: usize, const LOGITS: bool>(
         &mut self,
         simd: S,
         enc: &Enc<'_>,
@@ -157,7 +164,9 @@ impl<'a> EdgeBlock<'a> {
         dense_columns::<S, N, B>(simd, &mut sums, self.columns(), self.edges.stride, first, enc.edge);
         for b in 0..B {
             let hidden = relu(simd, &sums[b]);
-            self.logits[first + b] = dot(simd, &hidden, score);
+            if LOGITS {
+                self.logits[first + b] = dot(simd, &hidden, score);
+            }
             store::<S, N>(&mut self.hidden, first + b, &hidden);
         }
     }
@@ -170,7 +179,8 @@ impl<'a> EdgeBlock<'a> {
         }
     }
 
-    /// Back through attention and hidden states of an encoded block; the hidden states are lost.
+    /// Back through attention and hidden states of an encoded block; the hidden states are lost. `logits`: (edges) whole ones, as
+    /// the forward pass left them.
     ///
     /// A receiving node is the region of an edge, or its pixel within the block.
     #[inline(always)]
@@ -178,9 +188,12 @@ impl<'a> EdgeBlock<'a> {
         &mut self,
         simd: S,
         enc: &Enc<'_>,
+        logits: &[f32],
         receivers: &Receivers<'_>,
         sums: &mut EdgeGradients<'_>,
     ) {
+        let logits = &logits[..self.len()];
+        self.logits.copy_from_slice(logits);
         self.pulls.resize(self.len(), 0.0);
         for slot in 0..self.pixels() {
             for edge in self.edges_of(slot) {
@@ -188,7 +201,6 @@ impl<'a> EdgeBlock<'a> {
                 let hidden = load::<S, N>(&self.hidden, edge);
                 let grad = load::<S, N>(receivers.grad, node);
                 self.pulls[edge] = dot(simd, &grad, &hidden) - receivers.means[node];
-                self.logits[edge] += receivers.bias[node];
                 self.weights[edge] = receivers.log_sums[node];
             }
         }
@@ -228,8 +240,6 @@ pub(super) struct Receivers<'a> {
     pub(super) grad: &'a [f32],
     /// (nodes) grad . mean: what the softmax gradient takes off.
     pub(super) means: &'a [f32],
-    /// (nodes) the node's part of the logit.
-    pub(super) bias: &'a [f32],
     /// (nodes) logarithm of the softmax denominator.
     pub(super) log_sums: &'a [f32],
 }

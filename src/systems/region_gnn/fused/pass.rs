@@ -69,6 +69,9 @@ struct Round {
     /// (pixels, H), (pixels)
     pixel_means: Vec<f32>,
     pixel_log_sums: Vec<f32>,
+    /// (room of the edges) logits of both passes.
+    region_logits: Vec<f32>,
+    pixel_logits: Vec<f32>,
 }
 
 /// The region's share of one message layer: all that hidden states and logits take besides pixels and edges.
@@ -124,9 +127,13 @@ impl Pass {
             let bias = self.region_bias(given.params, to_regions, &round.regions, side.constant);
             let node = self.sent_by_pixels(given.params, to_regions, &states);
             let inputs = self.to_regions(given, to_regions, &side, states, &node, &bias);
+            let room = given.edges.room(&(0..pixels)).len();
+            round.region_logits.resize(room, 0.0);
+            round.pixel_logits.resize(room, 0.0);
             let partials: Vec<RegionPartial> = tasks(pixels)
                 .into_par_iter()
-                .map(|pixels| Arch::new().dispatch(to_regions::Forward { inputs, pixels }))
+                .zip(rooms(given.edges, &mut round.region_logits))
+                .map(|(pixels, logits)| Arch::new().dispatch(to_regions::Forward { inputs, pixels, logits }))
                 .collect();
             RegionPartial::merge(&partials, h, &mut round.region_means, &mut round.region_log_sums);
             round.region_sums = self.gathered(given, to_regions, &round.regions, &round.region_means);
@@ -145,8 +152,10 @@ impl Pass {
             let task = task_size(pixels);
             let outputs = round.pixel_means.par_chunks_mut(task * h);
             let outputs = outputs.zip(round.pixel_log_sums.par_chunks_mut(task)).zip(tasks(pixels));
-            let forward = |((mean, log_sums), pixels): ((_, _), Range<usize>), next: Next<'_>| {
-                Arch::new().dispatch(to_pixels::Forward { inputs, pixels, mean, log_sums, next })
+            let outputs = outputs.zip(rooms(given.edges, &mut round.pixel_logits));
+            let forward = |(((mean, log_sums), pixels), logits): (((_, _), Range<usize>), _),
+                           next: Next<'_>| {
+                Arch::new().dispatch(to_pixels::Forward { inputs, pixels, mean, log_sums, logits, next })
             };
             match rest.first_mut() {
                 Some(next) => {
@@ -218,6 +227,7 @@ impl Pass {
                         inputs,
                         mean: &round.pixel_means[values],
                         log_sums: &round.pixel_log_sums[pixels.clone()],
+                        logits: &round.pixel_logits[given.edges.room(&pixels)],
                         source,
                         out_transposed: &out_transposed,
                         d_bias,
@@ -279,8 +289,7 @@ impl Pass {
             let bias = self.region_bias(params, to_regions, &round.regions, side.constant);
             let node = self.sent_by_pixels(params, to_regions, &states);
             let inputs = self.to_regions(given, to_regions, &side, states, &node, &bias);
-            let receivers =
-                Receivers { grad: &d_means, means: &products, bias: &bias, log_sums: &round.region_log_sums };
+            let receivers = Receivers { grad: &d_means, means: &products, log_sums: &round.region_log_sums };
             let full = matches!(states, PixelStates::Full(_));
             d_states.resize(if full { pixels * h } else { 0 }, 0.0);
             let node_transposed = if full { transposed(&node, h) } else { Vec::new() };
@@ -292,6 +301,7 @@ impl Pass {
                     attend_state: &params[to_pixels.attend_state.clone()],
                     d_pixel_bias: &d_bias[pixels.clone()],
                     d_states,
+                    logits: &round.region_logits[given.edges.room(&pixels)],
                     pixels,
                 })
             };
@@ -572,6 +582,16 @@ fn task_size(pixels: usize) -> usize {
 fn tasks(pixels: usize) -> Vec<Range<usize>> {
     let size = task_size(pixels);
     (0..pixels.div_ceil(size)).map(|i| i * size..pixels.min((i + 1) * size)).collect()
+}
+
+/// The list cut into the rooms of the tasks' edges.
+fn rooms<'a>(edges: &PassEdges, mut list: &'a mut [f32]) -> Vec<&'a mut [f32]> {
+    let cut = |pixels: Range<usize>| {
+        let (room, rest) = std::mem::take(&mut list).split_at_mut(edges.room(&pixels).len());
+        list = rest;
+        room
+    };
+    tasks(edges.graph().pixel_count()).into_iter().map(cut).collect()
 }
 
 /// (3, regions) unmasked edges of each region by class of the pixel.

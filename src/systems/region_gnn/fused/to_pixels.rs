@@ -69,9 +69,9 @@ impl ToPixels<'_> {
         if self.mean_pooling { 1.0 / self.edges.pixel_degree(pixel).max(1) as f32 } else { 1.0 }
     }
 
-    /// Gathers the edges of `pixels` and computes their hidden states and whole logits.
+    /// Gathers the edges of `pixels` and computes their hidden states and, when they are wanted, whole logits.
     #[inline(always)]
-    fn encode<S: Simd, const N: usize, const B: usize>(
+    fn encode<S: Simd, const N: usize, const B: usize, const LOGITS: bool>(
         &self,
         simd: S,
         block: &mut EdgeBlock<'_>,
@@ -89,10 +89,12 @@ impl ToPixels<'_> {
             }
             let weight = self.pool_weight(pixel);
             store::<S, N>(&mut scratch.rows, slot, &add_scaled(simd, &zero(simd), &pooled, weight));
-            let state = load::<S, N>(self.states.row(pixel, self.width), 0);
-            scratch.bias[slot] = dot(simd, &state, &attend) + self.constant;
+            if LOGITS {
+                let state = load::<S, N>(self.states.row(pixel, self.width), 0);
+                scratch.bias[slot] = dot(simd, &state, &attend) + self.constant;
+            }
         }
-        block.encode::<S, N, B>(simd, &self.enc, &scratch.rows);
+        block.encode::<S, N, B, LOGITS>(simd, &self.enc, &scratch.rows);
     }
 
     /// From attention means to normalised states: `scratch.states`, with units and scales on the way.
@@ -156,6 +158,8 @@ pub(super) struct Forward<'a> {
     pub(super) mean: &'a mut [f32],
     /// (pixels of the task)
     pub(super) log_sums: &'a mut [f32],
+    /// (room of the task's edges) whole logits, for the backward pass.
+    pub(super) logits: &'a mut [f32],
     pub(super) next: Next<'a>,
 }
 
@@ -185,10 +189,12 @@ impl Forward<'_> {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
             let (count, local) = (pixels.len(), pixels.start - first);
-            inputs.encode::<S, N, B>(simd, &mut block, pixels, &mut scratch);
+            let room = block.room(&pixels, &self.pixels);
+            inputs.encode::<S, N, B, true>(simd, &mut block, pixels, &mut scratch);
             let mean = &mut self.mean[local * width..(local + count) * width];
             let log_sums = &mut self.log_sums[local..local + count];
             attend_pixels::<S, N>(simd, &mut block, &scratch.bias, mean, log_sums);
+            self.logits[room][..block.len()].copy_from_slice(&block.logits);
             inputs.finish::<S, N, B>(simd, mean, &mut scratch);
             match &mut self.next {
                 Next::Round(states) => {
@@ -263,6 +269,8 @@ pub(super) struct Backward<'a> {
     /// (pixels of the task, H) and (pixels of the task), as forward gave them.
     pub(super) mean: &'a [f32],
     pub(super) log_sums: &'a [f32],
+    /// (room of the task's edges) as forward left them.
+    pub(super) logits: &'a [f32],
     pub(super) source: Source<'a>,
     /// (H, H)
     pub(super) out_transposed: &'a [f32],
@@ -317,7 +325,8 @@ impl Backward<'_> {
             start = pixels.end;
             let (count, local) = (pixels.len(), pixels.start - first..pixels.end - first);
             let values = local.start * width..local.end * width;
-            inputs.encode::<S, N, B>(simd, &mut block, pixels.clone(), &mut scratch);
+            inputs.encode::<S, N, B, false>(simd, &mut block, pixels.clone(), &mut scratch);
+            let logits = &self.logits[block.room(&pixels, &self.pixels)];
             let (mean, log_sums) = (&self.mean[values.clone()], &self.log_sums[local.clone()]);
             inputs.finish::<S, N, B>(simd, mean, &mut scratch);
 
@@ -368,7 +377,7 @@ impl Backward<'_> {
             d_rows.fill(0.0);
             let d_bias = &mut self.d_bias[local];
             d_bias.fill(0.0);
-            let receivers = Receivers { grad: d_mean, means: &means, bias: &scratch.bias, log_sums };
+            let receivers = Receivers { grad: d_mean, means: &means, log_sums };
             let mut edge_sums = EdgeGradients {
                 region: &mut sums.region,
                 pixel: d_rows,
@@ -376,7 +385,7 @@ impl Backward<'_> {
                 edge: &mut sums.params[inputs.ranges.edge.clone()],
                 score: &mut sums.score,
             };
-            block.backward::<S, N, B, false>(simd, &inputs.enc, &receivers, &mut edge_sums);
+            block.backward::<S, N, B, false>(simd, &inputs.enc, logits, &receivers, &mut edge_sums);
 
             let attend = &mut sums.params[inputs.ranges.attend_state.clone()];
             let mut d_attend = load::<S, N>(attend, 0);

@@ -49,6 +49,8 @@ impl ToRegions<'_> {
 pub(super) struct Forward<'a> {
     pub(super) inputs: ToRegions<'a>,
     pub(super) pixels: Range<usize>,
+    /// (room of the task's edges) whole logits, for the backward pass.
+    pub(super) logits: &'a mut [f32],
 }
 
 /// The softmax sums of every region over the pixels of one task.
@@ -85,9 +87,10 @@ impl Forward<'_> {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
             block.gather(&pixels);
+            let room = block.room(&pixels, &self.pixels);
             let rows = &mut rows[..pixels.len() * inputs.width];
             inputs.pixel_rows::<S, N, B>(simd, pixels, rows);
-            block.encode::<S, N, B>(simd, &inputs.enc, rows);
+            block.encode::<S, N, B, true>(simd, &inputs.enc, rows);
             // The highest scores first, so that all weights of the block come from one reference each.
             for edge in 0..block.len() {
                 let region = block.region(edge);
@@ -101,6 +104,7 @@ impl Forward<'_> {
                     store::<S, N>(&mut partial.sum, region, &add_scaled(simd, &zero(simd), &sum, shrink));
                 }
             }
+            self.logits[room][..block.len()].copy_from_slice(&block.logits);
             for edge in 0..block.len() {
                 block.weights[edge] = partial.highest[block.region(edge)];
             }
@@ -150,6 +154,8 @@ pub(super) struct Backward<'a> {
     pub(super) inputs: ToRegions<'a>,
     pub(super) receivers: Receivers<'a>,
     pub(super) pixels: Range<usize>,
+    /// (room of the task's edges) as forward left them.
+    pub(super) logits: &'a [f32],
     /// For full states: (H, H) transposed `node` and (H) attention on the receiver in the pass back to pixels, whose
     /// logit gradients (pixels of the task) are here too.
     pub(super) node_transposed: &'a [f32],
@@ -204,7 +210,8 @@ impl Backward<'_> {
             block.gather(&pixels);
             let (rows, d_rows) = (&mut rows[..pixels.len() * width], &mut d_rows[..pixels.len() * width]);
             inputs.pixel_rows::<S, N, B>(simd, pixels.clone(), rows);
-            block.encode::<S, N, B>(simd, &inputs.enc, rows);
+            block.encode::<S, N, B, false>(simd, &inputs.enc, rows);
+            let logits = &self.logits[block.room(&pixels, &self.pixels)];
             d_rows.fill(0.0);
             let mut edge_sums = EdgeGradients {
                 region: &mut sums.region,
@@ -213,7 +220,7 @@ impl Backward<'_> {
                 edge: &mut sums.edge,
                 score: &mut sums.score,
             };
-            block.backward::<S, N, B, true>(simd, &inputs.enc, &self.receivers, &mut edge_sums);
+            block.backward::<S, N, B, true>(simd, &inputs.enc, logits, &self.receivers, &mut edge_sums);
             match inputs.states {
                 PixelStates::Full(values) => {
                     let x = &values[pixels.start * width..pixels.end * width];
