@@ -6,10 +6,12 @@ mod checkpoints;
 mod contiguous;
 pub mod convolution;
 mod param_store;
+mod pool;
 mod vector_math;
 
 pub use adam::{Adam, Schedule};
 pub use checkpoints::Checkpoints;
 pub use contiguous::contiguous_f32;
 pub use param_store::ParamStore;
+pub use pool::in_pool;
 pub use vector_math::{exp, ln, sin_cos_quarter_turns, tanh};

@@ -47,7 +47,8 @@ impl Spare {
 /// The edges block by block.
 #[derive(Debug, Default)]
 struct Lists {
-    /// Edges of every block, and where its room begins: the edges before it, each block rounded up to [`LANES`].
+    /// Edges of every block, and where its room begins: the edges before it, each block rounded up to [`LANES`], which an empty
+    /// one has too.
     lengths: Vec<u32>,
     starts: Vec<usize>,
     /// (room) region of every edge; 0 where there is no edge.
@@ -147,7 +148,7 @@ impl PassEdges {
         lists.starts.push(0);
         let mut room = 0;
         for length in &lists.lengths {
-            room += (*length as usize).next_multiple_of(LANES);
+            room += (*length as usize).max(1).next_multiple_of(LANES);
             lists.starts.push(room);
         }
         let Lists { starts, regions, ends, columns, .. } = &mut lists;

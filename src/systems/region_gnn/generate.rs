@@ -11,7 +11,7 @@ use super::trust::{Evidence, without_each_fold};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::interpolation::{Correction, CorrectionKind};
-use crate::learn::{Adam, Schedule};
+use crate::learn::{Adam, Schedule, in_pool};
 use crate::matching::{MatchConfig, align};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, StrokeKind};
@@ -253,7 +253,7 @@ impl RegionGnn {
         let index = Tensor::from_slice(&ids, ids.len(), &Device::Cpu)?;
         let matched = exemplar.index_select(&index, 0)?.detach();
         match &config.fine_tuning {
-            Some(tuning) => Ok(Some(self.fine_tune(sketch, &matched, tuning, seed)?)),
+            Some(tuning) => in_pool(|| self.fine_tune(sketch, &matched, tuning, seed)).map(Some),
             None => Ok(Some(matched)),
         }
     }

@@ -80,6 +80,25 @@ fn fused_equals_plain_forward_and_backward() {
     }
 }
 
+/// A sketch of one part, and that one masked.
+#[test]
+fn a_pass_without_edges_has_heights_and_gradients() {
+    for config in [RegionGnnConfig::default(), RegionGnnConfig::paper()] {
+        let frame = LineFrame::new(&lines(), &config, false).unwrap();
+        let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
+        let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
+        let edges = sketch.draw(&config, 1.0, Seed(3), &Spare::default());
+        assert!(edges.masked().iter().all(|m| *m));
+        let heights = network.forward(&edges, None, Seed(4)).unwrap().heights;
+        let gradients = heights.sum_all().unwrap().backward().unwrap();
+        let heights = heights.to_vec1::<f32>().unwrap();
+        assert!(heights.iter().all(|z| *z == heights[0] && z.is_finite()), "nothing tells pixels apart");
+        let (_, bias) = network.params().iter().find(|(name, _)| *name == "last.out.bias").unwrap();
+        let gradient = gradients.get(bias).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        assert_eq!(gradient, [heights.len() as f32]);
+    }
+}
+
 #[test]
 fn parameter_gradients_equal_finite_differences() {
     // A sanity check beside the exact one above: ReLU kinks inside the step leave several per cent.

@@ -13,7 +13,7 @@ use super::network::{Network, Output};
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 use crate::interpolation::harmonic;
-use crate::learn::{Adam, Checkpoints, Schedule};
+use crate::learn::{Adam, Checkpoints, Schedule, in_pool};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};
@@ -250,11 +250,14 @@ pub fn train(
         let seed = seed.derive_indexed("epoch", epoch);
         let (choice, edges) = drawn.take().unwrap_or_else(|| draw(epoch));
         let (sample, correction) = &samples[choice];
-        let output = network.forward(&edges, None, seed)?;
-        // The next edges are drawn while the losses, which do not fill all threads, are taken.
-        let evaluate = || objective.evaluate(sample, correction.as_ref(), &output, seed);
-        let (evaluated, next) = rayon::join(evaluate, || draw(epoch + 1));
-        let (losses, surrogate) = evaluated?;
+        let forward = || -> Result<_> {
+            let output = network.forward(&edges, None, seed)?;
+            // The next edges are drawn while the losses, which do not fill all threads, are taken.
+            let evaluate = || objective.evaluate(sample, correction.as_ref(), &output, seed);
+            let (evaluated, next) = rayon::join(evaluate, || draw(epoch + 1));
+            Ok((evaluated?, next))
+        };
+        let ((losses, surrogate), next) = in_pool(forward)?;
         drawn = Some(next);
         if let Some((what, value)) = losses.first_absurd() {
             return Err(Error::Diverged { epoch, what, value });
@@ -265,8 +268,10 @@ pub fn train(
             checkpoint::save(&c.path, &progress, network.params(), &adam)?;
             kept = Instant::now();
         }
-        let gradients = (surrogate * weights[choice])?.backward()?;
-        adam.update(network.params().iter().map(|(_, var)| var), &gradients, rate)?;
+        in_pool(|| -> Result<()> {
+            let gradients = (surrogate * weights[choice])?.backward()?;
+            adam.update(network.params().iter().map(|(_, var)| var), &gradients, rate)
+        })?;
         times.push(epoch_begun.elapsed().as_secs_f64());
         let report = EpochReport {
             epoch: epoch + 1,

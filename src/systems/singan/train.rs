@@ -15,8 +15,8 @@ use super::scale::{Lens, Noise, Residual, Scale};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
-use crate::learn::Checkpoints;
 use crate::learn::convolution::Plane;
+use crate::learn::{Checkpoints, in_pool};
 use crate::metrics::{mean_square_slope, psnr};
 use crate::seed::{Seed, Stream};
 use rand::RngExt;
@@ -152,7 +152,7 @@ pub fn train_with(
             if share >= 1.0 && (step > 0 || time.is_none()) {
                 break;
             }
-            let report = room.step(step, share.min(1.0) as f32);
+            let report = in_pool(|| room.step(step, share.min(1.0) as f32));
             let report = StepReport { scale, scales: sizes.len(), seconds: elapsed(), ..report };
             let finite = [report.critic, report.penalty, report.reconstruction];
             if let Some(&value) = finite.iter().find(|v| !v.is_finite()) {
