@@ -200,7 +200,7 @@ fn bad_input_is_named() {
     let flat = Grid::filled(40, 40, 0.5);
     assert!(message(PatchDetail::new(flat.clone(), flat.clone(), &few)).contains("level"));
     let large = Grid::filled(6000, 6000, 0.0);
-    let message = model().add(&large, None, None, &DetailUse::default(), Seed(1)).unwrap_err().to_string();
+    let message = model().add(&large, None, None, &still(), Seed(1)).unwrap_err().to_string();
     assert!(message.contains("36000000") && message.contains("at most"), "{message}");
     assert_eq!(model().add(&flat, None, None, &DetailUse::default(), Seed(1)).unwrap(), flat);
     let tiny = Grid::from_fn(9, 9, |c| c.row as f32);
