@@ -19,7 +19,8 @@ use monadnock::metrics::{Scores, Summary, copy_audit, diversity, psnr, sliced_wa
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
 use monadnock::systems::region_gnn::Style;
-use monadnock::systems::singan::{Detail, DetailConfig, DetailInfo, DetailUse, train};
+use monadnock::systems::singan::{Detail, DetailConfig, DetailInfo, train};
+use monadnock::systems::task::{DetailModel, DetailUse};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

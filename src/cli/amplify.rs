@@ -6,7 +6,7 @@ use crate::dem::io::{self, WriteOptions};
 use crate::error::Result;
 use crate::systems::pipeline::{amplify, needed_detail};
 use crate::systems::region_gnn::Style;
-use crate::systems::singan::DetailUse;
+use crate::systems::task::DetailUse;
 use std::path::PathBuf;
 
 /// Arguments of `amplify`.

@@ -13,7 +13,7 @@ use crate::sketch::LineMap;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::systems::pipeline::{add_detail, detail_of, no_detail};
 use crate::systems::region_gnn::Style;
-use crate::systems::singan::DetailUse;
+use crate::systems::task::DetailUse;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `generate`.

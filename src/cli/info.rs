@@ -338,6 +338,15 @@ fn detail_row(value: &Value) -> String {
     let Some(record) = value.pointer("/detail/record") else {
         return "none: trained with --no-detail, or by an older version".to_owned();
     };
+    if value.pointer("/detail/model").and_then(Value::as_str) == Some("patches") {
+        let number = |pointer: &str| value.pointer(pointer).map_or_else(|| "-".to_owned(), plain);
+        let gain = record.get("gain").and_then(Value::as_f64).unwrap_or_default();
+        return format!(
+            "patches of the exemplar, {} x {} cells; strength {gain:.2}",
+            number("/detail/rows"),
+            number("/detail/cols")
+        );
+    }
     let number = |key: &str| record.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
     let steps: Vec<u64> = record
         .get("steps")

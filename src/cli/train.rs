@@ -6,7 +6,7 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
 use crate::grid::Cell;
-use crate::systems::pipeline::{continues, detail_of, learn_detail};
+use crate::systems::pipeline::{StyleDetail, continues, detail_of, learn_detail, take_patches};
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
 use crate::systems::singan::{self, DetailConfig};
@@ -28,6 +28,7 @@ const COARSE_SECONDS: f64 = 30.0;
   monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
   monadnock train alps.tif -o alps.safetensors --config mine.toml
   monadnock train alps.tif -o alps.safetensors --no-detail
+  monadnock train alps.tif -o alps.safetensors --detail-model patches
   monadnock train alps.tif -o alps.safetensors --set detail.steps=200
   monadnock train alps.tif -o alps.safetensors --budget 60s
   monadnock train alps.tif -o alps.safetensors --epochs 5000 --resume
@@ -37,6 +38,9 @@ small forms that lines leave open. The style is written after the first and agai
 whatever happens. A --budget is for both: half of it, up to 30 s, and at least 3 tenths for the coarse model, the rest for
 the detail. With --preset paper, which is there to compare coarse models, detail is trained only when --detail-preset or a
 key of [detail] asks for it.
+
+With --detail-model patches the second half is not trained: the exemplar's own patches are the detail, and only their strength
+is measured. `sample` needs generators.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
 detail), which is removed at the end. A training that was killed continues from there with --resume and the same
@@ -67,7 +71,16 @@ pub(super) struct TrainArgs {
     /// Leave out the detail: terrain then keeps only the forms that its lines say
     #[arg(long)]
     no_detail: bool,
-    /// Named configuration of the detail: ours (the default), or paper (SinGAN as published: hours)
+    /// Where detail comes from: generators that are trained (SinGAN), or the exemplar's own patches (GPNN), which takes seconds
+    #[arg(
+        long,
+        value_enum,
+        value_name = "MODEL",
+        default_value = "generators",
+        conflicts_with = "no_detail"
+    )]
+    detail_model: DetailModelName,
+    /// Named configuration of the generators: ours (the default), or paper (SinGAN as published: hours)
     #[arg(long, value_enum, conflicts_with = "no_detail")]
     detail_preset: Option<DetailPresetName>,
     /// Training steps of the coarse model
@@ -76,6 +89,9 @@ pub(super) struct TrainArgs {
     /// Time for the whole training, such as 60s or 5m; the schedules are fitted to it
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     budget: Option<Duration>,
+    /// Take the coarse model from a style of the same window, seed and configuration, and make only the detail anew
+    #[arg(long, value_name = "STYLE.safetensors", conflicts_with_all = ["no_detail", "epochs", "budget", "resume"])]
+    coarse: Option<PathBuf>,
     /// Continue an interrupted training from its checkpoint
     #[arg(long)]
     resume: bool,
@@ -88,6 +104,12 @@ pub(super) struct TrainArgs {
 enum PresetName {
     Anchored,
     Paper,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum DetailModelName {
+    Generators,
+    Patches,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -111,7 +133,14 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     let (config, detail) = resolve(preset, &named, args.config.as_deref(), &args.set, args.epochs)?;
     let asked = args.detail_preset.is_some() || detail != named;
-    let with_detail = !args.no_detail && (asked || preset != Preset::Paper);
+    let patches = args.detail_model == DetailModelName::Patches;
+    if patches && asked {
+        let allowed = "patches have no settings: leave out --detail-preset and the keys of [detail]";
+        return Err(Error::value("--detail-model", "patches", allowed));
+    }
+    let with_detail = !args.no_detail && (asked || patches || preset != Preset::Paper);
+    // Only generators are trained.
+    let with_generators = with_detail && !patches;
     let dem = args.dem.load(&context.console)?;
     check_output(&args.output)?;
     keep_inputs(&args.output, &[&args.dem.dem])?;
@@ -134,7 +163,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         }
         _ => {}
     }
-    let coarse_budget = args.budget.map(|all| if with_detail { coarse_share(all) } else { all });
+    let coarse_budget = args.budget.map(|all| if with_generators { coarse_share(all) } else { all });
     let detail_budget = args.budget.map(|all| all - coarse_share(all));
     let bounds = |path: &Path, budget: Option<Duration>| Bounds {
         budget,
@@ -145,13 +174,17 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         }),
     };
     // A checkpoint of the detail means that the coarse model is done, and it is in the output.
-    let mut style = if args.resume && detail_file.exists() && with_detail {
+    let mut style = if let Some(path) = &args.coarse {
+        let style = Style::load(path)?;
+        continues(&style, &source, Some(&config), context.seed).map_err(|e| e.in_file(path))?;
+        style
+    } else if args.resume && detail_file.exists() && with_generators {
         let style = Style::load(&args.output)?;
         let config = args.budget.is_none().then_some(&config);
         continues(&style, &source, config, context.seed).map_err(|e| e.in_file(&args.output))?;
         style
     } else {
-        let label = if with_detail { "training, 1 of 2: coarse model" } else { "training" };
+        let label = if with_generators { "training, 1 of 2: coarse model" } else { "training" };
         let bounds = bounds(&coarse_file, coarse_budget);
         let trained = train_with_progress(&source, &config, context, label, bounds);
         told_of_divergence(&trained, &coarse_file, "model", context);
@@ -160,7 +193,10 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         remove(&coarse_file)?;
         style
     };
-    if with_detail {
+    if with_detail && patches {
+        take_patches(&mut style, &source, context.seed)?;
+        style.save(&args.output)?;
+    } else if with_detail {
         let bounds = bounds(&detail_file, detail_budget);
         let label = "training, 2 of 2: detail";
         let learned = detail_with_progress(&mut style, &source, &detail, context, label, bounds);
@@ -190,15 +226,25 @@ fn report(style: &Style, output: &Path, context: &Context) -> Result<()> {
         t.psnr,
         t.l_gt
     ));
-    if let Some(detail) = detail_of(style)? {
-        let r = detail.record();
-        context.console.line(format!(
-            "detail: {} scales, {} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
-            r.steps.len(),
-            r.steps.iter().sum::<usize>(),
-            r.seconds,
-            r.psnr
-        ));
+    match detail_of(style)? {
+        Some(StyleDetail::Generators(detail)) => {
+            let r = detail.record();
+            context.console.line(format!(
+                "detail: {} scales, {} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
+                r.steps.len(),
+                r.steps.iter().sum::<usize>(),
+                r.seconds,
+                r.psnr
+            ));
+        }
+        Some(StyleDetail::Patches(detail)) => {
+            let (r, (rows, cols)) = (detail.record(), detail.shape());
+            context.console.line(format!(
+                "detail: patches of {rows}x{cols} cells, strength {:.2} found in {:.1} s",
+                r.gain, r.seconds
+            ));
+        }
+        None => {}
     }
     Ok(())
 }

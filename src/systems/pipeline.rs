@@ -1,12 +1,13 @@
 //! A coarse system and the detail model together: what a style file holds, and how terrain is made with it.
 //!
-//! Lines -> coarse terrain (`region_gnn`) -> detail (`singan`) -> correction towards the lines -> terrain. The detail model rides
-//! in the style as named tensors and one description that the coarse system does not look into.
+//! Lines -> coarse terrain (`region_gnn`) -> detail (`singan` or `gpnn`) -> correction towards the lines -> terrain. The detail
+//! model rides in the style as named tensors and one description that the coarse system does not look into.
 
+use super::gpnn::{PatchDetail, PatchInfo};
 use super::region_gnn::Style;
 use super::region_gnn::style::{Source, StyleConfig};
-use super::singan::{self, Detail, DetailConfig, DetailInfo, DetailUse};
-use super::task::{Finishing, SketchToTerrain};
+use super::singan::{self, Detail, DetailConfig, DetailInfo};
+use super::task::{DetailModel, DetailUse, Finishing, Residual, SketchToTerrain};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract;
@@ -15,6 +16,7 @@ use crate::grid::{Cell, Grid, Mask};
 use crate::interpolation::{NaturalNeighbours, harmonic};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
+use serde_json::Value;
 use std::sync::Arc;
 
 /// Most cells that [`amplify`] makes: 32,768 by 32,768.
@@ -34,26 +36,65 @@ pub fn learn_detail(
     seed: Seed,
     control: singan::Control<'_>,
 ) -> Result<()> {
-    let heights = style.info.normalization.normalize(&source.dem);
-    let valid = source.dem.valid();
-    let settings = &style.info.config;
-    let variants =
-        extract::variants(&heights, valid, &settings.extraction, settings.model.extractions, seed)?;
-    let twins: Vec<Grid<f32>> =
-        variants.iter().filter(|lines| lines.line_count() > 0).map(natural_surface).collect::<Result<_>>()?;
-    let filled = if valid.as_slice().contains(&false) {
-        harmonic(valid, &heights.map(|z| f64::from(*z)))?.map(|z| *z as f32)
-    } else {
-        heights
-    };
-    let mut detail = singan::train_with(&filled, &twins, config, seed.derive("detail"), control)?;
-    detail.calibrate(&twins[0], &variants[0], &filled)?;
+    let Twins { truth, twins } = Twins::of(style, source, style.info.config.model.extractions, seed)?;
+    let surfaces: Vec<Grid<f32>> = twins.iter().map(|(surface, _)| surface.clone()).collect();
+    let mut detail = singan::train_with(&truth, &surfaces, config, seed.derive("detail"), control)?;
+    detail.calibrate(&twins[0].0, &twins[0].1, &truth)?;
     let (info, weights) = detail.parts();
-    let info = serde_json::to_value(&info)
-        .map_err(|e| Error::value("description of the detail", e, "it must be plain data"))?;
-    style.info.detail = Some(info);
-    style.detail_tensors = weights;
+    put(style, serde_json::to_value(&info), weights)
+}
+
+/// Takes the patches of the style's own exemplar as its detail, and puts them into the style: nothing is trained.
+///
+/// # Errors
+/// When the exemplar is too small or too large.
+pub fn take_patches(style: &mut Style, source: &Source, seed: Seed) -> Result<()> {
+    let Twins { truth, mut twins } = Twins::of(style, source, 1, seed)?;
+    let (surface, lines) = twins.swap_remove(0);
+    let mut detail = PatchDetail::new(truth, surface, &lines)?;
+    detail.calibrate(&lines, seed.derive("detail"))?;
+    let (info, tensors) = detail.parts();
+    put(style, serde_json::to_value(&info), tensors)
+}
+
+fn put(style: &mut Style, info: serde_json::Result<Value>, tensors: Vec<(String, Vec<f32>)>) -> Result<()> {
+    let plain = |e| Error::value("description of the detail", e, "it must be plain data");
+    style.info.detail = Some(info.map_err(plain)?);
+    style.detail_tensors = tensors;
     Ok(())
+}
+
+/// An exemplar and its coarse twins.
+struct Twins {
+    /// Unit interval, voids filled.
+    truth: Grid<f32>,
+    /// Surfaces and the lines that they pass through; at least one.
+    twins: Vec<(Grid<f32>, LineMap)>,
+}
+
+impl Twins {
+    /// The twins in `count` variants of the extraction.
+    fn of(style: &Style, source: &Source, count: usize, seed: Seed) -> Result<Self> {
+        let heights = style.info.normalization.normalize(&source.dem);
+        let valid = source.dem.valid();
+        let variants = extract::variants(&heights, valid, &style.info.config.extraction, count, seed)?;
+        let with_lines = variants.into_iter().filter(|lines| lines.line_count() > 0);
+        let twins: Vec<_> =
+            with_lines.map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
+        if twins.is_empty() {
+            return Err(Error::value(
+                "number of line cells",
+                0,
+                "detail is learned beside the exemplar's lines",
+            ));
+        }
+        let truth = if valid.as_slice().contains(&false) {
+            harmonic(valid, &heights.map(|z| f64::from(*z)))?.map(|z| *z as f32)
+        } else {
+            heights
+        };
+        Ok(Self { truth, twins })
+    }
 }
 
 /// Whether `style` is what a training of `source` with this seed (and this configuration) has made, so that its detail can be
@@ -62,7 +103,7 @@ pub fn learn_detail(
 /// # Errors
 /// Says what differs.
 pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, seed: Seed) -> Result<()> {
-    let allowed = "to resume, exemplar, seed and configuration must be those of the interrupted training";
+    let allowed = "to go on from it, exemplar, seed and configuration must be the same";
     if style.info.exemplar.sha256 != source.info.sha256 {
         return Err(Error::value("exemplar of the style", &style.info.exemplar.name, allowed));
     }
@@ -83,29 +124,85 @@ fn natural_surface(lines: &LineMap) -> Result<Grid<f32>> {
     Ok(NaturalNeighbours::new(&mask)?.interpolate(&values).map(|z| *z as f32))
 }
 
+/// The detail model of a style, of either kind.
+#[derive(Clone, Debug)]
+pub enum StyleDetail {
+    /// Trained generators (SinGAN).
+    Generators(Detail),
+    /// The exemplar's patches (GPNN).
+    Patches(PatchDetail),
+}
+
+impl StyleDetail {
+    fn model(&self) -> &dyn DetailModel {
+        match self {
+            Self::Generators(detail) => detail,
+            Self::Patches(detail) => detail,
+        }
+    }
+}
+
+impl DetailModel for StyleDetail {
+    fn residual(
+        &self,
+        heights: &Grid<f32>,
+        lines: Option<&LineMap>,
+        size: f64,
+        how: &DetailUse,
+        seed: Seed,
+    ) -> Result<Option<Residual>> {
+        self.model().residual(heights, lines, size, how, seed)
+    }
+
+    fn gain(&self) -> f32 {
+        self.model().gain()
+    }
+}
+
 /// The detail model of a style; none when it was trained without.
 ///
 /// # Errors
 /// When the style's description and tensors contradict each other.
-pub fn detail_of(style: &Style) -> Result<Option<Detail>> {
+pub fn detail_of(style: &Style) -> Result<Option<StyleDetail>> {
     let Some(info) = &style.info.detail else { return Ok(None) };
-    let info: DetailInfo = serde_json::from_value(info.clone())
-        .map_err(|e| Error::value("description of the detail", e, "allowed: what `train` writes"))?;
+    let described =
+        |e: serde_json::Error| Error::value("description of the detail", e, "allowed: what `train` writes");
     let tensor = |name: &str| {
         let found = style.detail_tensors.iter().find(|(n, _)| n == name);
         found.map(|(_, values)| values.clone()).ok_or_else(|| {
             Error::value(format!("tensor detail.{name}"), "missing", "a style with detail has it")
         })
     };
-    Detail::from_parts(info, tensor).map(Some)
+    // Only patches name their model: generators came first.
+    if info.get("model").is_some() {
+        let info: PatchInfo = serde_json::from_value(info.clone()).map_err(described)?;
+        return PatchDetail::from_parts(&info, tensor).map(StyleDetail::Patches).map(Some);
+    }
+    let info: DetailInfo = serde_json::from_value(info.clone()).map_err(described)?;
+    Detail::from_parts(info, tensor).map(StyleDetail::Generators).map(Some)
 }
 
 /// [`detail_of`], where a style without detail is a mistake.
 ///
 /// # Errors
 /// As there, and when there is none.
-pub fn needed_detail(style: &Style) -> Result<Detail> {
+pub fn needed_detail(style: &Style) -> Result<StyleDetail> {
     detail_of(style)?.ok_or_else(no_detail)
+}
+
+/// [`needed_detail`], where only trained generators will do.
+///
+/// # Errors
+/// As there, and when the style's detail is patches.
+pub fn needed_generators(style: &Style) -> Result<Detail> {
+    match needed_detail(style)? {
+        StyleDetail::Generators(detail) => Ok(detail),
+        StyleDetail::Patches(_) => {
+            let allowed =
+                "terrain from noise needs generators: train the style with --detail-model generators";
+            Err(Error::value("detail of the style", "patches", allowed))
+        }
+    }
 }
 
 /// A style without detail where one is needed.
@@ -116,7 +213,7 @@ pub fn no_detail() -> Error {
 
 /// A coarse system with detail, corrected towards the lines at the end.
 #[must_use]
-pub fn detailed(start: Arc<dyn SketchToTerrain>, detail: Arc<Detail>, how: DetailUse) -> Finishing {
+pub fn detailed(start: Arc<dyn SketchToTerrain>, detail: Arc<StyleDetail>, how: DetailUse) -> Finishing {
     let finish = move |coarse: &Grid<f32>, lines: &LineMap, seed: Seed| {
         detail.add(coarse, Some(lines), None, &how, seed.derive("detail"))
     };
@@ -129,7 +226,7 @@ pub fn detailed(start: Arc<dyn SketchToTerrain>, detail: Arc<Detail>, how: Detai
 /// When a setting is out of range or shapes differ.
 pub fn add_detail(
     terrain: &Grid<f32>,
-    detail: &Detail,
+    detail: &dyn DetailModel,
     range: Normalization,
     lines: Option<&LineMap>,
     mask: Option<&Mask>,
@@ -161,10 +258,10 @@ pub fn add_detail(
 /// the answer; they are bridged harmonically meanwhile.
 ///
 /// # Errors
-/// When a setting is out of range or there are more than 2^30 cells to make.
+/// When a setting is out of range, there are more than 2^30 cells to make, or more than the detail model can.
 pub fn amplify(
     dem: &Dem,
-    detail: &Detail,
+    detail: &dyn DetailModel,
     range: Normalization,
     factor: usize,
     how: &DetailUse,

@@ -1,7 +1,6 @@
 //! SinGAN for terrain: detail that has the statistics of one exemplar (Rott Shaham et al. 2019; Liu & Benes 2025, 4.4).
 
 mod batch_norm;
-mod calibration;
 mod checkpoint;
 pub mod config;
 mod detail;
@@ -12,7 +11,7 @@ mod scale;
 mod train;
 
 pub use config::DetailConfig;
-pub use detail::{Detail, DetailInfo, DetailRecord, DetailUse, ScaleInfo};
+pub use detail::{Detail, DetailInfo, DetailRecord, ScaleInfo};
 pub use train::{Control, StepReport, train, train_with};
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use super::*;
 use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::psnr;
 use crate::seed::Seed;
+use crate::systems::task::{DetailModel, DetailUse};
 use std::sync::OnceLock;
 
 fn ground(side: usize) -> Grid<f32> {

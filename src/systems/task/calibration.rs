@@ -1,4 +1,4 @@
-//! How much of the trained detail suits the exemplar.
+//! How much of a model's detail suits the exemplar.
 
 use crate::error::Result;
 use crate::grid::Grid;

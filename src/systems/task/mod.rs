@@ -1,4 +1,9 @@
-//! The promise that a system can make.
+//! The promises that systems can make, and what models of detail share.
+
+mod calibration;
+mod detail;
+
+pub use detail::{DetailModel, DetailUse, Residual, combined, gain_of, gap};
 
 use crate::error::Result;
 use crate::grid::Grid;

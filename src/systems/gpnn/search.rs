@@ -1,0 +1,156 @@
+//! Exact search for the best exemplar patch as a matrix product: least q . k over all keys, at the widest registers.
+//!
+//! Squared distances are such products: |q - k|^2 w = (q, |q|^2, 1) . (-2 w k, w, w |k|^2), with any weight w of the key.
+//! `pulp` picks the instruction set at run time; a tile of queries x two registers of keys stays in registers while the depth
+//! runs, and a panel of keys stays in the cache while the queries of a task pass by. Nothing but the best of every register
+//! lane is kept, so that memory does not grow with the number of pairs.
+
+use pulp::bytemuck::{cast_slice, cast_slice_mut};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Keys that lie side by side: two registers of 16 lanes.
+const BLOCK: usize = 32;
+/// Blocks of a panel: with 100 values a key they fill half of the second-level cache.
+const PANEL: usize = 32;
+/// Queries of one task.
+const CHUNK: usize = 128;
+/// Queries of a tile: 8 x 2 sums, 2 keys and a broadcast of 32 registers.
+const TILE_32: usize = 8;
+/// The same for 16 registers.
+const TILE_16: usize = 4;
+
+/// Rows of numbers, all of one length.
+pub(super) struct Table {
+    pub(super) depth: usize,
+    /// (rows, depth)
+    pub(super) values: Vec<f32>,
+}
+
+impl Table {
+    /// Number of rows.
+    pub(super) fn rows(&self) -> usize {
+        self.values.len() / self.depth
+    }
+}
+
+/// For every query the key with the least product, and that product; the first of equal ones.
+pub(super) fn least(queries: &Table, keys: &Table) -> Vec<(f32, u32)> {
+    assert_eq!(queries.depth, keys.depth, "queries and keys of one length");
+    let depth = keys.depth;
+    let blocks = keys.rows().div_ceil(BLOCK);
+    let mut packed = vec![0.0f32; blocks * depth * BLOCK];
+    packed.par_chunks_mut(depth * BLOCK).enumerate().for_each(|(block, out)| {
+        for lane in 0..BLOCK {
+            // The last key fills the last block.
+            let key = (block * BLOCK + lane).min(keys.rows() - 1);
+            for (d, v) in keys.values[key * depth..(key + 1) * depth].iter().enumerate() {
+                out[d * BLOCK + lane] = *v;
+            }
+        }
+    });
+    let arch = Arch::new();
+    let chunks: Vec<Vec<(f32, u32)>> = queries
+        .values
+        .par_chunks(CHUNK * depth)
+        .map(|rows| {
+            let count = rows.len() / depth;
+            // Whole tiles: the last query fills the last one.
+            let mut padded = rows.to_vec();
+            while !(padded.len() / depth).is_multiple_of(TILE_32) {
+                padded.extend_from_slice(&rows[rows.len() - depth..]);
+            }
+            let lanes = padded.len() / depth * BLOCK;
+            let mut found = Found { cost: vec![f32::INFINITY; lanes], block: vec![0; lanes] };
+            arch.dispatch(Search { queries: &padded, keys: &packed, depth, found: &mut found });
+            let best = |q: usize| {
+                let lanes = q * BLOCK..(q + 1) * BLOCK;
+                let each = found.cost[lanes.clone()].iter().zip(&found.block[lanes]).enumerate();
+                let each = each.map(|(lane, (cost, block))| (*cost, block * BLOCK as u32 + lane as u32));
+                let first = each.reduce(|a, b| if (b.0, b.1) < (a.0, a.1) { b } else { a });
+                let (cost, key) = first.unwrap_or((f32::INFINITY, 0));
+                (cost, key.min(keys.rows() as u32 - 1))
+            };
+            (0..count).map(best).collect()
+        })
+        .collect();
+    chunks.concat()
+}
+
+/// The best of every lane: (queries, [`BLOCK`]).
+struct Found {
+    cost: Vec<f32>,
+    block: Vec<u32>,
+}
+
+/// One task.
+struct Search<'a> {
+    /// (queries, depth)
+    queries: &'a [f32],
+    /// (blocks, depth, [`BLOCK`])
+    keys: &'a [f32],
+    depth: usize,
+    found: &'a mut Found,
+}
+
+impl WithSimd for Search<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        if S::F32_LANES == 16 {
+            self.run::<S, TILE_32>(simd);
+        } else {
+            self.run::<S, TILE_16>(simd);
+        }
+    }
+}
+
+impl Search<'_> {
+    #[inline(always)]
+    fn run<S: Simd, const P: usize>(self, simd: S) {
+        let depth = self.depth;
+        let registers = BLOCK / S::F32_LANES;
+        let cost: &mut [S::f32s] = cast_slice_mut(&mut self.found.cost);
+        let origin: &mut [S::u32s] = cast_slice_mut(&mut self.found.block);
+        let keys: &[S::f32s] = cast_slice(self.keys);
+        for (p, panel) in keys.chunks(PANEL * depth * registers).enumerate() {
+            for (t, tile) in self.queries.chunks_exact(P * depth).enumerate() {
+                for pair in 0..registers / 2 {
+                    let place = |q: usize| (t * P + q) * registers + 2 * pair;
+                    let mut best = [[simd.splat_f32s(0.0); 2]; P];
+                    let mut from = [[simd.splat_u32s(0); 2]; P];
+                    for q in 0..P {
+                        for r in 0..2 {
+                            (best[q][r], from[q][r]) = (cost[place(q) + r], origin[place(q) + r]);
+                        }
+                    }
+                    for (b, block) in panel.chunks_exact(depth * registers).enumerate() {
+                        let mut sums = [[simd.splat_f32s(0.0); 2]; P];
+                        for d in 0..depth {
+                            let low = block[d * registers + 2 * pair];
+                            let high = block[d * registers + 2 * pair + 1];
+                            for q in 0..P {
+                                let value = simd.splat_f32s(tile[q * depth + d]);
+                                sums[q][0] = simd.mul_add_e_f32s(value, low, sums[q][0]);
+                                sums[q][1] = simd.mul_add_e_f32s(value, high, sums[q][1]);
+                            }
+                        }
+                        let number = simd.splat_u32s((p * PANEL + b) as u32);
+                        for q in 0..P {
+                            for r in 0..2 {
+                                let less = simd.less_than_f32s(sums[q][r], best[q][r]);
+                                best[q][r] = simd.select_f32s(less, sums[q][r], best[q][r]);
+                                from[q][r] = simd.select_u32s(less, number, from[q][r]);
+                            }
+                        }
+                    }
+                    for q in 0..P {
+                        for r in 0..2 {
+                            (cost[place(q) + r], origin[place(q) + r]) = (best[q][r], from[q][r]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
