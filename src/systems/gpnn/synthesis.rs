@@ -81,7 +81,8 @@ pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed) -> Result<Opt
     let start = first_scale(asked.size, shortest);
     let slope = |map: &Grid<f32>| mean_square_slope(&at(map, start)).sqrt() as f32;
     let (own, exemplar) = (slope(asked.heights), slope(&pair.smooth));
-    if own <= 0.0 || exemplar <= 0.0 {
+    // Asked of the map as it is: shrinking leaves rounding where there is no slope.
+    if mean_square_slope(asked.heights) <= 0.0 || own <= 0.0 || exemplar <= 0.0 {
         return Ok(None);
     }
     let ratio = if asked.match_relief { (exemplar / own).clamp(1e-3, 1e3) } else { 1.0 };
