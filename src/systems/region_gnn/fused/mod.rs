@@ -25,6 +25,7 @@ mod op;
 mod pass;
 mod pixel_states;
 mod small;
+mod tasks;
 mod to_pixels;
 mod to_regions;
 

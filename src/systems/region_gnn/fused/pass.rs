@@ -4,7 +4,7 @@
 //! regions; then MLP_3. Nothing per edge is stored; a round keeps two states a pixel and a few a region.
 
 use super::super::config::{Pooling, RegionGnnConfig};
-use super::super::edges::{BLOCK, PassEdges};
+use super::super::edges::PassEdges;
 use super::super::network::reached_regions;
 use super::block::{Enc, Receivers};
 use super::layout::{Layout, MessageRanges};
@@ -12,14 +12,12 @@ use super::pixel_states::{INDICATORS, PixelStates, classes};
 use super::small::{
     add, add_outer, add_product, add_rows, add_scaled, dot, normalize, normalize_gradient, transposed,
 };
+use super::tasks::{rooms, task_size, tasks};
 use super::to_pixels::{self, Next, Source, ToPixels};
 use super::to_regions::{self, RegionPartial, ToRegions};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// Number of parallel tasks and partial sums: fixed, so that every number of threads gives the same bytes.
-const TASKS: usize = 16;
 
 /// Everything but the numbers: which network.
 #[derive(Clone, Debug)]
@@ -572,26 +570,6 @@ fn gate(d: &mut [f32], value: &[f32]) {
     for (d, v) in d.iter_mut().zip(value) {
         *d = if *v > 0.0 { *d } else { 0.0 };
     }
-}
-
-/// Pixels of one task: whole blocks.
-fn task_size(pixels: usize) -> usize {
-    pixels.div_ceil(TASKS).next_multiple_of(BLOCK)
-}
-
-fn tasks(pixels: usize) -> Vec<Range<usize>> {
-    let size = task_size(pixels);
-    (0..pixels.div_ceil(size)).map(|i| i * size..pixels.min((i + 1) * size)).collect()
-}
-
-/// The list cut into the rooms of the tasks' edges.
-fn rooms<'a>(edges: &PassEdges, mut list: &'a mut [f32]) -> Vec<&'a mut [f32]> {
-    let cut = |pixels: Range<usize>| {
-        let (room, rest) = std::mem::take(&mut list).split_at_mut(edges.room(&pixels).len());
-        list = rest;
-        room
-    };
-    tasks(edges.graph().pixel_count()).into_iter().map(cut).collect()
 }
 
 /// (3, regions) unmasked edges of each region by class of the pixel.
