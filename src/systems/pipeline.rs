@@ -103,7 +103,7 @@ impl Twins {
 /// # Errors
 /// Says what differs.
 pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, seed: Seed) -> Result<()> {
-    let allowed = "to go on from it, exemplar, seed and configuration must be the same";
+    let allowed = "to resume, or to take its coarse model, exemplar, seed and configuration must be the same";
     if style.info.exemplar.sha256 != source.info.sha256 {
         return Err(Error::value("exemplar of the style", &style.info.exemplar.name, allowed));
     }
