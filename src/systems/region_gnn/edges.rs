@@ -18,7 +18,7 @@ const LANES: usize = 16;
 
 /// What is drawn anew for every pass (4.2: random edges; A.2: masked parts; A.4: noise).
 ///
-/// Unmasked edges lie in the order in which the passes read them: by blocks of [`BLOCK`] pixels, in each block by pixel, fixed
+/// Unmasked edges lie in the order in which the passes read them: by blocks of a few pixels, in each block by pixel, fixed
 /// ones first; what an edge stores, a column a number, so that vector code reads it as it lies.
 #[derive(Debug)]
 pub struct PassEdges {
@@ -208,15 +208,14 @@ impl PassEdges {
     fn each_drawn(&self, block: usize, random: &RandomEdges, mut f: impl FnMut(usize, u32, usize)) {
         let (k, nearest) = (self.graph.k(), self.graph.nearest());
         for pixel in block * BLOCK..self.graph.pixel_count().min((block + 1) * BLOCK) {
-            let slot = pixel % BLOCK;
-            for edge in pixel * k..(pixel + 1) * k {
-                if !self.masked[nearest[edge] as usize] {
-                    f(slot, nearest[edge], edge);
-                }
-            }
-            for edge in random.offsets[pixel] as usize..random.offsets[pixel + 1] as usize {
-                if !self.masked[random.regions[edge] as usize] {
-                    f(slot, random.regions[edge], nearest.len() + edge);
+            let fixed = pixel * k..(pixel + 1) * k;
+            let drawn = random.offsets[pixel] as usize..random.offsets[pixel + 1] as usize;
+            for (regions, edges, before) in [(nearest, fixed, 0), (&random.regions[..], drawn, nearest.len())]
+            {
+                for (edge, &region) in edges.clone().zip(&regions[edges]) {
+                    if !self.masked[region as usize] {
+                        f(pixel % BLOCK, region, before + edge);
+                    }
                 }
             }
         }
