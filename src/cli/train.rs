@@ -6,6 +6,7 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
 use crate::grid::Cell;
+use crate::systems::gpnn;
 use crate::systems::pipeline::{StyleDetail, continues, detail_of, learn_detail, take_patches};
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
@@ -39,8 +40,9 @@ whatever happens. A --budget is for both: half of it, up to 30 s, and at least 3
 the detail. With --preset paper, which is there to compare coarse models, detail is trained only when --detail-preset or a
 key of [detail] asks for it.
 
-With --detail-model patches the second half is not trained: the exemplar's own patches are the detail, and only their strength
-is measured. `sample` needs generators.
+With --detail-model patches the exemplar's own patches are the detail, and only their strength is measured, which takes as long
+as the coarse model's training. For maps of up to some 512x512 cells they are the more faithful; larger ones take minutes,
+and `sample` needs generators.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
 detail), which is removed at the end. A training that was killed continues from there with --resume and the same
@@ -71,7 +73,7 @@ pub(super) struct TrainArgs {
     /// Leave out the detail: terrain then keeps only the forms that its lines say
     #[arg(long)]
     no_detail: bool,
-    /// Where detail comes from: generators that are trained (SinGAN), or the exemplar's own patches (GPNN), which takes seconds
+    /// Where detail comes from: generators that are trained (SinGAN), or the exemplar's own patches (GPNN)
     #[arg(
         long,
         value_enum,
@@ -148,6 +150,9 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,
     };
+    if patches {
+        gpnn::check_shape(rows, cols)?;
+    }
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
     let [coarse_file, detail_file] =
         ["checkpoint", "detail-checkpoint"].map(|kind| checkpoint_path(&args.output, kind));
@@ -194,7 +199,14 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         style
     };
     if with_detail && patches {
-        take_patches(&mut style, &source, context.seed)?;
+        let bar = context.console.progress(100, "measuring the strength of the detail");
+        let mut shown = 0;
+        let mut progress = |share: f64| {
+            let now = (100.0 * share) as u64;
+            bar.advance(now.saturating_sub(shown));
+            shown = now.max(shown);
+        };
+        take_patches(&mut style, &source, context.seed, &mut progress)?;
         style.save(&args.output)?;
     } else if with_detail {
         let bounds = bounds(&detail_file, detail_budget);

@@ -4,8 +4,8 @@
 //! model rides in the style as named tensors and one description that the coarse system does not look into.
 
 use super::gpnn::{PatchDetail, PatchInfo};
-use super::region_gnn::Style;
-use super::region_gnn::style::{Source, StyleConfig};
+use super::region_gnn::style::{Source, StyleConfig, learn};
+use super::region_gnn::{EpochReport, Style, needs_correction};
 use super::singan::{self, Detail, DetailConfig, DetailInfo};
 use super::task::{DetailModel, DetailUse, Finishing, Residual, SketchToTerrain};
 use crate::dem::{CellSize, Dem, Normalization};
@@ -19,6 +19,10 @@ use crate::sketch::LineMap;
 use serde_json::Value;
 use std::sync::Arc;
 
+/// Smallest side of half an exemplar that a coarse model is trained on.
+const SMALLEST_HALF: usize = 48;
+/// Width of the seam in which one half's answer becomes the other's, cells.
+const SEAM: f32 = 8.0;
 /// Most cells that [`amplify`] makes: 32,768 by 32,768.
 const MOST_CELLS: usize = 1 << 30;
 
@@ -44,15 +48,25 @@ pub fn learn_detail(
     put(style, serde_json::to_value(&info), weights)
 }
 
-/// Takes the patches of the style's own exemplar as its detail, and puts them into the style: nothing is trained.
+/// Takes the patches of the style's own exemplar as its detail, and puts them into the style. Their strength is measured on
+/// what the coarse model leaves open in terrain that it has not seen: one of each half of the exemplar is trained on the other
+/// half, with half the epochs. `progress` gets the share that is done. A small exemplar, or a coarse model that does not pass
+/// through its lines (`paper`), is calibrated on the natural-neighbour surface instead.
 ///
 /// # Errors
 /// When the exemplar is too small or too large.
-pub fn take_patches(style: &mut Style, source: &Source, seed: Seed) -> Result<()> {
+pub fn take_patches(
+    style: &mut Style,
+    source: &Source,
+    seed: Seed,
+    progress: &mut dyn FnMut(f64),
+) -> Result<()> {
     let Twins { truth, mut twins } = Twins::of(style, source, 1, seed)?;
     let (surface, lines) = twins.swap_remove(0);
+    let coarse = held_out_surface(style, source, &lines, seed.derive("held out"), progress)?;
+    let coarse = coarse.unwrap_or_else(|| surface.clone());
     let mut detail = PatchDetail::new(truth, surface, &lines)?;
-    detail.calibrate(&lines, seed.derive("detail"))?;
+    detail.calibrate(&coarse, &lines, seed.derive("detail"))?;
     let (info, tensors) = detail.parts();
     put(style, serde_json::to_value(&info), tensors)
 }
@@ -78,9 +92,9 @@ impl Twins {
         let heights = style.info.normalization.normalize(&source.dem);
         let valid = source.dem.valid();
         let variants = extract::variants(&heights, valid, &style.info.config.extraction, count, seed)?;
-        let with_lines = variants.into_iter().filter(|lines| lines.line_count() > 0);
+        let variants: Vec<LineMap> = variants.into_iter().filter(|lines| lines.line_count() > 0).collect();
         let twins: Vec<_> =
-            with_lines.map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
+            variants.into_iter().map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
         if twins.is_empty() {
             return Err(Error::value(
                 "number of line cells",
@@ -114,6 +128,45 @@ pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, s
         return Err(Error::value("configuration of the style", "another one", allowed));
     }
     Ok(())
+}
+
+/// What a coarse model like the style's makes of lines (unit interval) of the exemplar where it has not seen it. None where there
+/// is too little to learn from.
+fn held_out_surface(
+    style: &Style,
+    source: &Source,
+    lines: &LineMap,
+    seed: Seed,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Option<Grid<f32>>> {
+    let (rows, cols) = source.dem.shape();
+    let middle = cols / 2;
+    if !needs_correction(&style.info.config.model) || rows.min(middle) < SMALLEST_HALF {
+        return Ok(None);
+    }
+    let mut config = style.info.config.clone();
+    config.model.epochs = (config.model.epochs / 2).max(1);
+    let range = style.info.normalization;
+    let metres = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
+    let mut answer = |half: usize, first: usize, width: usize| -> Result<Option<Grid<f32>>> {
+        let half_source = Source::new(&source.info.name, &source.dem, Cell::new(0, first), rows, width)?;
+        let mut epochs = 0;
+        let told = |_: &EpochReport| {
+            epochs += 1;
+            progress(0.5 * (half as f64 + epochs as f64 / config.model.epochs as f64));
+        };
+        // Half of an exemplar may be level or without a line.
+        let Ok(model) = learn(&half_source, &config, seed, told) else { return Ok(None) };
+        let heights = model.generate(&metres, Some(range), seed)?;
+        Ok(Some(heights.map(|z| range.to_unit(f64::from(*z)) as f32)))
+    };
+    let (by_west, by_east) = (answer(0, 0, middle)?, answer(1, middle, cols - middle)?);
+    let (Some(by_west), Some(mut whole)) = (by_west, by_east) else { return Ok(None) };
+    for (cell, z) in by_west.cells() {
+        let share = (0.5 + (cell.col as f32 - middle as f32) / SEAM).clamp(0.0, 1.0);
+        whole[cell] += share * (z - whole[cell]);
+    }
+    Ok(Some(whole))
 }
 
 /// The natural-neighbour surface through lines.

@@ -100,10 +100,7 @@ impl PatchDetail {
 
     fn of(truth: Grid<f32>, twin: Grid<f32>, marks: Grid<f32>, record: PatchRecord) -> Result<Self> {
         let (rows, cols) = truth.shape();
-        if rows.min(cols) < SMALLEST || rows * cols > LARGEST {
-            let allowed = format!("allowed: sides of at least {SMALLEST} cells, {LARGEST} cells in all");
-            return Err(Error::value("exemplar for detail from patches", format!("{rows}x{cols}"), allowed));
-        }
+        check_shape(rows, cols)?;
         for (name, map) in [("twin of the exemplar", &twin), ("lines of the exemplar", &marks)] {
             if map.shape() != (rows, cols) {
                 let allowed = format!("the exemplar is {:?}", (rows, cols));
@@ -140,13 +137,13 @@ impl PatchDetail {
         self.truth.shape()
     }
 
-    /// Finds the strength with which the exemplar's own twin comes nearest to it in slopes, curvatures and spectrum, and takes
-    /// it for 1 from now on. Each half of the twin is searched in the other half of the exemplar: in its own every patch would
-    /// find itself. `lines` are those of [`new`](Self::new), with heights.
+    /// Finds the strength with which `coarse`, a coarse map of the exemplar, comes nearest to it in slopes, curvatures and
+    /// spectrum, and takes it for 1 from now on. Each half of the map is searched in the other half of the exemplar: in its own
+    /// every patch would find itself. `lines` are those of [`new`](Self::new), with heights; `coarse` passes through them.
     ///
     /// # Errors
     /// When shapes differ or the exemplar is too narrow.
-    pub fn calibrate(&mut self, lines: &LineMap, seed: Seed) -> Result<()> {
+    pub fn calibrate(&mut self, coarse: &Grid<f32>, lines: &LineMap, seed: Seed) -> Result<()> {
         let started = Instant::now();
         let how = DetailUse::default();
         let (rows, cols) = self.shape();
@@ -159,7 +156,7 @@ impl PatchDetail {
                 marks: part(&self.marks)?,
                 ..self.clone()
             };
-            half.residual(&self.twin, Some(lines), self.gap, &how, seed)
+            half.residual(coarse, Some(lines), self.gap, &how, seed)
         };
         let (west, east) = (from(0, middle)?, from(middle, cols - middle)?);
         if let (Some(west), Some(mut crossed)) = (west, east) {
@@ -168,7 +165,7 @@ impl PatchDetail {
                     crossed.added[Cell::new(row, col)] = west.added[Cell::new(row, col)];
                 }
             }
-            self.record.gain = gain_of(&crossed, &self.twin, lines, &self.truth)?;
+            self.record.gain = gain_of(&crossed, coarse, lines, &self.truth)?;
         }
         self.record.seconds = started.elapsed().as_secs_f64();
         Ok(())
@@ -191,6 +188,18 @@ impl PatchDetail {
         let mut map = |name: &str| Grid::from_vec(info.rows, info.cols, tensor(name)?);
         Self::of(map("truth")?, map("twin")?, map("marks")?, info.record)
     }
+}
+
+/// Whether an exemplar of this shape can be searched.
+///
+/// # Errors
+/// When a side is below 32 cells, or there are more than 65,536.
+pub fn check_shape(rows: usize, cols: usize) -> Result<()> {
+    if rows.min(cols) >= SMALLEST && rows * cols <= LARGEST {
+        return Ok(());
+    }
+    let allowed = format!("allowed: sides of at least {SMALLEST} cells, {LARGEST} cells in all");
+    Err(Error::value("exemplar for detail from patches", format!("{rows}x{cols}"), allowed))
 }
 
 impl DetailModel for PatchDetail {

@@ -176,7 +176,8 @@ fn elevation_and_unit_do_not_matter() {
 fn calibration_is_on_what_the_exemplar_does_not_know() {
     let mut model = model().clone();
     let lines = lines(&model.truth);
-    model.calibrate(&lines, Seed(1)).unwrap();
+    let twin = model.twin.clone();
+    model.calibrate(&twin, &lines, Seed(1)).unwrap();
     let gain = model.record().gain;
     assert!(gain > 0.3 && gain < 3.0, "{gain}");
     assert_eq!(model.gain(), gain);
