@@ -29,7 +29,8 @@ impl Ran {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().to_owned();
         let outcome =
-            run(&resolved, &RunOptions { out: out.clone(), jobs: 2, restart: false }, &|_| {}).unwrap();
+            run(&resolved, &RunOptions { out: out.clone(), jobs: 2, restart: false, styles: None }, &|_| {})
+                .unwrap();
         let record = Record::new(&out);
         let scores = record.scores().unwrap();
         let failed: Vec<_> = scores.rows.iter().filter(|row| !row.error.is_empty()).collect();

@@ -54,7 +54,7 @@ fn spec(text: &str) -> monadnock::Result<ExperimentSpec> {
 
 fn options(out: &Path, jobs: usize) -> RunOptions {
     fs::create_dir_all(out).unwrap();
-    RunOptions { out: out.to_owned(), jobs, restart: false }
+    RunOptions { out: out.to_owned(), jobs, restart: false, styles: None }
 }
 
 fn scores(out: &Path) -> String {
@@ -240,6 +240,31 @@ fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
 }
 
 /// An exemplar on which a style finds no line cannot be learned from: rows with that error, no hole, and a broken bound.
+#[test]
+fn experiments_share_styles_that_differ_only_in_how_terrain_is_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let shared = |name: &str| RunOptions { styles: Some(at("styles")), ..options(&at(name), 1) };
+    let trained = |text: &str, options: &RunOptions| {
+        let seen = Mutex::new(None);
+        let watch = |event: Event| {
+            if let Event::Training { styles, cached, .. } = event {
+                *seen.lock().unwrap() = Some(styles - cached);
+            }
+        };
+        run(&resolve(&spec(text).unwrap(), &Terrain::default()).unwrap(), options, &watch).unwrap();
+        seen.into_inner().unwrap().unwrap()
+    };
+    let unblended = format!("{SMALL}\n[overrides.generation]\nblend = \"never\"\n");
+    let uncorrected = format!("{SMALL}\n[overrides.generation]\ncorrection = \"harmonic\"\n");
+    assert_eq!(trained(SMALL, &shared("a")), 4);
+    assert_eq!(trained(&unblended, &shared("b")), 0);
+    assert_ne!(scores(&at("a")), scores(&at("b")));
+    assert_eq!(trained(&unblended, &options(&at("alone"), 1)), 4);
+    assert_eq!(scores(&at("alone")), scores(&at("b")));
+    assert_eq!(trained(&uncorrected, &shared("c")), 4);
+}
+
 #[test]
 fn what_fails_is_a_row_with_its_error() {
     let folder = tempfile::tempdir().unwrap();

@@ -17,6 +17,7 @@ Examples:
   monadnock experiment list
   monadnock experiment run experiments/quick/neighbours.toml
   monadnock experiment run experiments/full/neighbours.toml --data ../shared/data --jobs 2
+  monadnock experiment run experiments/full/sparse.toml --data ../shared/data --styles /tmp/styles
   monadnock experiment run experiments/full/neighbours.toml --quick
   monadnock experiment report experiments/full/neighbours.toml --splice README.md
   monadnock experiment report all
@@ -62,6 +63,9 @@ struct RunArgs {
     /// Begin anew, whatever the record holds
     #[arg(long)]
     restart: bool,
+    /// The folder of trained styles: what one experiment has trained, others need not (default: in the record)
+    #[arg(long, value_name = "DIR")]
+    styles: Option<PathBuf>,
     /// Seconds and memory of others to stand beside ours: a table like stages.csv of a record
     #[arg(long, value_name = "CSV")]
     peers: Option<PathBuf>,
@@ -140,7 +144,12 @@ fn start(args: &RunArgs, context: &Context) -> Result<()> {
     }
     let out = record_of(&path, args.out.as_deref());
     file::create_folder(&out)?;
-    let options = RunOptions { out: out.clone(), jobs: args.jobs.into(), restart: args.restart };
+    let options = RunOptions {
+        out: out.clone(),
+        jobs: args.jobs.into(),
+        restart: args.restart,
+        styles: args.styles.clone(),
+    };
     let watch = Watch { context, bar: Mutex::new(None) };
     let outcome = run_experiment(&resolved, &options, &|event| watch.tell(event))?;
     drop(watch);

@@ -16,7 +16,7 @@ use crate::machine;
 use crate::seed::Seed;
 use crate::systems::pipeline::learn_detail;
 use crate::systems::region_gnn::style::{StyleConfig, learn_with};
-use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Style};
+use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, GenerationConfig, Style};
 use crate::systems::registry;
 use crate::systems::singan::{self, DetailConfig};
 use rayon::prelude::*;
@@ -39,6 +39,8 @@ pub struct RunOptions {
     pub jobs: usize,
     /// Begin anew, whatever the folder holds.
     pub restart: bool,
+    /// The folder of trained styles, which several experiments may share; none is the record's own.
+    pub styles: Option<PathBuf>,
 }
 
 /// What happens while an experiment runs; told from several threads.
@@ -108,7 +110,9 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     let finished = record.journal(columns.len())?;
 
     let first = if spec.kind == Kind::Cost { extras::preparation(resolved)? } else { Vec::new() };
-    let wanted = wanted(resolved, &record)?;
+    let folder = options.styles.clone().unwrap_or_else(|| record.path("styles"));
+    file::create_folder(&folder)?;
+    let wanted = wanted(resolved, &folder)?;
     let (styles, trained) = train_all(&wanted, options.jobs, watch)?;
     let trainings: Vec<TrainingRow> =
         wanted.iter().zip(&styles).map(|(wanted, style)| training_row(wanted, style)).collect();
@@ -146,14 +150,14 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
 }
 
 /// Every style of every area and seed.
-fn wanted<'a>(resolved: &'a Resolved, record: &Record) -> Result<Vec<Wanted<'a>>> {
+fn wanted<'a>(resolved: &'a Resolved, folder: &Path) -> Result<Vec<Wanted<'a>>> {
     let mut all = Vec::new();
     for area in &resolved.areas {
         for style in &resolved.spec.style {
             let config = resolved.spec.config_of(style)?;
             for &seed in &resolved.spec.seeds {
                 let name = format!("{}.safetensors", hash(&config, style.detail.as_ref(), area, seed)?);
-                let path = record.path("styles").join(name);
+                let path = folder.join(name);
                 all.push(Wanted { area, style, config: config.clone(), seed, path });
             }
         }
@@ -161,10 +165,13 @@ fn wanted<'a>(resolved: &'a Resolved, record: &Record) -> Result<Vec<Wanted<'a>>
     Ok(all)
 }
 
-/// Tells trained styles apart by all that they depend on.
+/// Tells trained styles apart by all that they depend on: not by how terrain is made with them, but for the correction, which is
+/// part of how well they rebuild their exemplar.
 fn hash(config: &StyleConfig, detail: Option<&DetailConfig>, area: &Area, seed: u64) -> Result<String> {
     let plain = |e| Error::value("configuration", e, "plain data");
-    let config = serde_json::to_string(config).map_err(plain)?;
+    let generation =
+        GenerationConfig { correction: config.generation.correction, ..GenerationConfig::default() };
+    let config = serde_json::to_string(&StyleConfig { generation, ..config.clone() }).map_err(plain)?;
     let e = &area.source.info;
     let mut hasher = Sha256::new();
     hasher.update(config.as_bytes());
@@ -210,11 +217,14 @@ fn train_all(
 
 /// A style from an earlier run; a file that is not it, or torn, is trained again.
 fn load(path: &Path, wanted: &Wanted<'_>) -> Option<Style> {
-    let style = Style::load(path).ok()?;
+    let mut style = Style::load(path).ok()?;
+    let same_correction = style.info.config.generation.correction == wanted.config.generation.correction;
+    style.info.config.generation = wanted.config.generation.clone();
     // A training that ended early says so in its number of epochs.
     let mut config = style.info.config.clone();
     config.model.epochs = wanted.config.model.epochs;
-    let is_it = config == wanted.config
+    let is_it = same_correction
+        && config == wanted.config
         && style.info.exemplar == wanted.area.source.info
         && style.info.seed == Seed(wanted.seed)
         && style.info.detail.is_some() == wanted.style.detail.is_some();

@@ -15,7 +15,7 @@ mod plane;
 
 pub use kernel::Finish;
 pub use op::convolve3;
-pub use plane::Plane;
+pub use plane::{Image, Plane};
 
 use crate::error::{Error, Result};
 use kernel::{Forward, Weights};
@@ -54,9 +54,9 @@ pub fn check_channels(channels: usize, out_channels: usize) -> Result<()> {
 ///
 /// # Panics
 /// When shapes do not fit or [`check_channels`] refuses them.
-pub fn convolve(input: &Plane, weights: &[f32], out: &mut Plane, finish: Finish<'_>) {
-    let (channels, out_channels) = (input.channels(), out.channels());
-    let (in_rows, cols) = input.stored();
+pub fn convolve<'a>(input: impl Into<Image<'a>>, weights: &[f32], out: &mut Plane, finish: Finish<'_>) {
+    let Image { values, rows: in_rows, cols, channels } = input.into();
+    let out_channels = out.channels();
     let (rows, width) = (out.rows(), out.cols());
     assert_eq!((in_rows, cols), (rows + 2, width + 2), "the output is two cells narrower");
     assert_eq!(weights.len(), 9 * channels * out_channels, "nine taps");
@@ -74,7 +74,7 @@ pub fn convolve(input: &Plane, weights: &[f32], out: &mut Plane, finish: Finish<
     let arch = Arch::new();
     inside.par_chunks_mut(ROWS * row_length).enumerate().for_each(|(task, out)| {
         arch.dispatch(Forward {
-            input: input.values(),
+            input: values,
             cols,
             channels,
             weights,
@@ -94,9 +94,9 @@ pub fn convolve(input: &Plane, weights: &[f32], out: &mut Plane, finish: Finish<
 ///
 /// # Panics
 /// When shapes do not fit or [`check_channels`] refuses them.
-pub fn add_weight_gradient(input: &Plane, delta: &Plane, gradient: &mut [f32]) {
-    let (channels, out_channels) = (input.channels(), delta.channels());
-    let (in_rows, cols) = input.stored();
+pub fn add_weight_gradient<'a>(input: impl Into<Image<'a>>, delta: &Plane, gradient: &mut [f32]) {
+    let Image { values, rows: in_rows, cols, channels } = input.into();
+    let out_channels = delta.channels();
     let rows = delta.rows();
     assert_eq!((in_rows, cols), (rows + 2, delta.cols() + 2), "the output is two cells narrower");
     assert_eq!(gradient.len(), 9 * channels * out_channels, "nine taps");
@@ -108,7 +108,7 @@ pub fn add_weight_gradient(input: &Plane, delta: &Plane, gradient: &mut [f32]) {
         .map(|piece| {
             let mut sum = vec![0.0; gradient.len()];
             arch.dispatch(Weights {
-                input: input.values(),
+                input: values,
                 cols,
                 channels,
                 delta: delta.values(),

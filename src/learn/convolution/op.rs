@@ -1,9 +1,9 @@
 //! The convolution as a candle operation.
 
-use super::{Finish, Plane, add_weight_gradient, check_channels, convolve, turned};
+use super::{Finish, Image, Plane, add_weight_gradient, check_channels, convolve, turned};
 use crate::error::Result;
 use crate::learn::contiguous_f32;
-use candle_core::{CpuStorage, CustomOp2, Layout, Shape, Tensor};
+use candle_core::{CpuStorage, CustomOp2, Layout, Shape, Storage, Tensor};
 
 /// The valid 3x3 convolution.
 ///
@@ -37,9 +37,9 @@ impl CustomOp2 for Convolution {
             candle_core::bail!("a 3x3 convolution of {image:?} with weights {weights:?}");
         }
         check_channels(channels, out_channels).map_err(candle_core::Error::wrap)?;
-        let image = Plane::from_values(rows, cols, channels, contiguous_f32(image, image_layout)?.to_vec());
+        let image = Image::new(rows, cols, channels, contiguous_f32(image, image_layout)?);
         let mut out = Plane::zeros(rows - 2, cols - 2, out_channels, 0);
-        convolve(&image, contiguous_f32(weights, weights_layout)?, &mut out, Finish::Store);
+        convolve(image, contiguous_f32(weights, weights_layout)?, &mut out, Finish::Store);
         Ok((CpuStorage::F32(out.into_values()), Shape::from((rows - 2, cols - 2, out_channels))))
     }
 
@@ -52,20 +52,31 @@ impl CustomOp2 for Convolution {
     ) -> candle_core::Result<(Option<Tensor>, Option<Tensor>)> {
         let (rows, cols, channels) = image.dims3()?;
         let out_channels = weights.dim(2)?;
-        let plane = Plane::from_values(rows, cols, channels, image.flatten_all()?.to_vec1()?);
-        let taps = weights.flatten_all()?.to_vec1::<f32>()?;
-        let grads = grad.contiguous()?.flatten_all()?.to_vec1::<f32>()?;
+        let grad = grad.contiguous()?;
         let mut delta = Plane::zeros(rows - 2, cols - 2, out_channels, 2);
-        for (row, values) in grads.chunks_exact((cols - 2) * out_channels).enumerate() {
-            delta.row_mut(row).copy_from_slice(values);
-        }
-        let mut d_weights = vec![0.0; taps.len()];
-        add_weight_gradient(&plane, &delta, &mut d_weights);
-        let d_image = input_gradient(&delta, &taps, channels);
+        with_values(&grad, |values| {
+            for (row, values) in values.chunks_exact((cols - 2) * out_channels).enumerate() {
+                delta.row_mut(row).copy_from_slice(values);
+            }
+        })?;
+        let mut d_weights = vec![0.0; weights.elem_count()];
+        with_values(image, |values| {
+            add_weight_gradient(Image::new(rows, cols, channels, values), &delta, &mut d_weights);
+        })?;
+        let d_image = with_values(weights, |taps| input_gradient(&delta, taps, channels))?;
         Ok((
             Some(Tensor::from_vec(d_image, (rows, cols, channels), image.device())?),
             Some(Tensor::from_vec(d_weights, weights.shape(), weights.device())?),
         ))
+    }
+}
+
+/// Reads a contiguous tensor where it lies.
+fn with_values<T>(tensor: &Tensor, read: impl FnOnce(&[f32]) -> T) -> candle_core::Result<T> {
+    let (storage, layout) = tensor.storage_and_layout();
+    match &*storage {
+        Storage::Cpu(storage) => Ok(read(contiguous_f32(storage, layout)?)),
+        _ => candle_core::bail!("the convolution is for the CPU"),
     }
 }
 

@@ -98,3 +98,31 @@ impl Plane {
         ((row + self.border) * (self.cols + 2 * self.border) + self.border) * self.channels
     }
 }
+
+/// What a convolution reads: an image as it is stored, its frame included, wherever it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Image<'a> {
+    pub(super) values: &'a [f32],
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    pub(super) channels: usize,
+}
+
+impl<'a> Image<'a> {
+    /// Values of (rows, cols, channels).
+    ///
+    /// # Panics
+    /// When the number of values does not fit.
+    #[must_use]
+    pub fn new(rows: usize, cols: usize, channels: usize, values: &'a [f32]) -> Self {
+        assert_eq!(values.len(), rows * cols * channels, "an image of {rows}x{cols}x{channels}");
+        Self { values, rows, cols, channels }
+    }
+}
+
+impl<'a> From<&'a Plane> for Image<'a> {
+    fn from(plane: &'a Plane) -> Self {
+        let (rows, cols) = plane.stored();
+        Self { values: plane.values(), rows, cols, channels: plane.channels }
+    }
+}
