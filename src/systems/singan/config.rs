@@ -86,7 +86,7 @@ impl Default for DetailConfig {
             symmetric: true,
             injected: 0.75,
             paired: 0.5,
-            steps: 400,
+            steps: 600,
             critic_steps: 1,
             generator_steps: 1,
             learning_rate: 1e-3,
