@@ -239,7 +239,6 @@ fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
     );
 }
 
-/// An exemplar on which a style finds no line cannot be learned from: rows with that error, no hole, and a broken bound.
 #[test]
 fn experiments_share_styles_that_differ_only_in_how_terrain_is_made() {
     let folder = tempfile::tempdir().unwrap();
@@ -265,6 +264,7 @@ fn experiments_share_styles_that_differ_only_in_how_terrain_is_made() {
     assert_eq!(trained(&uncorrected, &shared("c")), 4);
 }
 
+/// An exemplar on which a style finds no line cannot be learned from: rows with that error, no hole, and a broken bound.
 #[test]
 fn what_fails_is_a_row_with_its_error() {
     let folder = tempfile::tempdir().unwrap();

@@ -112,6 +112,11 @@ impl Progress {
         self.show(done);
     }
 
+    /// As many steps are done as that, unless more are already; told from one thread.
+    pub(super) fn reach(&self, done: u64) {
+        self.advance(done.min(self.total).saturating_sub(self.done.load(Ordering::Relaxed)));
+    }
+
     /// Figures to show beside the bar ("loss 0.0123").
     pub(super) fn note(&self, text: impl Into<String>) {
         self.bar.set_message(text.into());

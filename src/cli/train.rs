@@ -40,8 +40,8 @@ whatever happens. A --budget is for both: half of it, up to 30 s, and at least 3
 the detail. With --preset paper, which is there to compare coarse models, detail is trained only when --detail-preset or a
 key of [detail] asks for it.
 
-With --detail-model patches the exemplar's own patches are the detail, and only their strength is measured, which takes as long
-as the coarse model's training. For maps of up to some 512x512 cells they are the more faithful; larger ones take minutes,
+With --detail-model patches the exemplar's own patches are the detail, and only their strength is measured, which takes about
+half as long as the coarse model's training. For maps of up to some 512x512 cells they are the more faithful; larger ones take minutes,
 and `sample` needs generators.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
@@ -200,12 +200,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     if with_detail && patches {
         let bar = context.console.progress(100, "measuring the strength of the detail");
-        let mut shown = 0;
-        let mut progress = |share: f64| {
-            let now = (100.0 * share) as u64;
-            bar.advance(now.saturating_sub(shown));
-            shown = now.max(shown);
-        };
+        let mut progress = |share: f64| bar.reach((100.0 * share) as u64);
         take_patches(&mut style, &source, context.seed, &mut progress)?;
         style.save(&args.output)?;
     } else if with_detail {
@@ -318,13 +313,10 @@ pub(super) fn train_with_progress(
     // Under a budget the bar counts seconds, else epochs.
     let total = bounds.budget.map_or(config.model.epochs as u64, |budget| budget.as_secs());
     let bar = context.console.progress(total, label);
-    let mut shown = 0;
     let mut progress = |report: &EpochReport| {
         let l = &report.losses;
         bar.note(format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
-        let now = bounds.budget.map_or(report.epoch as u64, |_| report.seconds as u64).min(total);
-        bar.advance(now.saturating_sub(shown));
-        shown = now.max(shown);
+        bar.reach(bounds.budget.map_or(report.epoch as u64, |_| report.seconds as u64));
     };
     let control = Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };
     learn_with(source, config, context.seed, control)
@@ -345,14 +337,11 @@ pub(super) fn detail_with_progress(
     // In percent: a unit of work means nothing to anybody.
     let total = bounds.budget.map_or(100, |budget| budget.as_secs());
     let bar = context.console.progress(total, label);
-    let mut shown = 0;
     let mut progress = |report: &singan::StepReport| {
         bar.note(format!("scale {} of {}", report.scale + 1, report.scales));
         let finished: u64 = work[..report.scale].iter().map(|w| w * config.steps as u64).sum();
         let done = finished + work[report.scale] * (report.step as u64 + 1);
-        let now = bounds.budget.map_or(100 * done / all, |_| report.seconds as u64).min(total);
-        bar.advance(now.saturating_sub(shown));
-        shown = now.max(shown);
+        bar.reach(bounds.budget.map_or(100 * done / all, |_| report.seconds as u64));
     };
     let control =
         singan::Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };

@@ -168,7 +168,7 @@ impl Record {
             file::write_bytes(&path, spec.to_toml().as_bytes())?;
             return Ok(machine);
         }
-        file::create_folder(&self.path("styles"))?;
+        file::create_folder(&self.path(""))?;
         file::write_bytes(&path, spec.to_toml().as_bytes())?;
         self.write_machine(&here)?;
         file::append(&self.path("journal.csv"), "")?;

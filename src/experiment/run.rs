@@ -165,13 +165,18 @@ fn wanted<'a>(resolved: &'a Resolved, folder: &Path) -> Result<Vec<Wanted<'a>>> 
     Ok(all)
 }
 
-/// Tells trained styles apart by all that they depend on: not by how terrain is made with them, but for the correction, which is
-/// part of how well they rebuild their exemplar.
-fn hash(config: &StyleConfig, detail: Option<&DetailConfig>, area: &Area, seed: u64) -> Result<String> {
-    let plain = |e| Error::value("configuration", e, "plain data");
+/// What a training depends on: not how terrain is made with the style, but for the correction, which is part of how well it
+/// rebuilds its exemplar.
+fn of_training(config: &StyleConfig) -> StyleConfig {
     let generation =
         GenerationConfig { correction: config.generation.correction, ..GenerationConfig::default() };
-    let config = serde_json::to_string(&StyleConfig { generation, ..config.clone() }).map_err(plain)?;
+    StyleConfig { generation, ..config.clone() }
+}
+
+/// Tells trained styles apart by all that they depend on.
+fn hash(config: &StyleConfig, detail: Option<&DetailConfig>, area: &Area, seed: u64) -> Result<String> {
+    let plain = |e| Error::value("configuration", e, "plain data");
+    let config = serde_json::to_string(&of_training(config)).map_err(plain)?;
     let e = &area.source.info;
     let mut hasher = Sha256::new();
     hasher.update(config.as_bytes());
@@ -218,16 +223,14 @@ fn train_all(
 /// A style from an earlier run; a file that is not it, or torn, is trained again.
 fn load(path: &Path, wanted: &Wanted<'_>) -> Option<Style> {
     let mut style = Style::load(path).ok()?;
-    let same_correction = style.info.config.generation.correction == wanted.config.generation.correction;
-    style.info.config.generation = wanted.config.generation.clone();
     // A training that ended early says so in its number of epochs.
-    let mut config = style.info.config.clone();
+    let mut config = of_training(&style.info.config);
     config.model.epochs = wanted.config.model.epochs;
-    let is_it = same_correction
-        && config == wanted.config
+    let is_it = config == of_training(&wanted.config)
         && style.info.exemplar == wanted.area.source.info
         && style.info.seed == Seed(wanted.seed)
         && style.info.detail.is_some() == wanted.style.detail.is_some();
+    style.info.config.generation = wanted.config.generation.clone();
     is_it.then_some(style)
 }
 

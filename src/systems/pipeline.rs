@@ -92,9 +92,9 @@ impl Twins {
         let heights = style.info.normalization.normalize(&source.dem);
         let valid = source.dem.valid();
         let variants = extract::variants(&heights, valid, &style.info.config.extraction, count, seed)?;
-        let variants: Vec<LineMap> = variants.into_iter().filter(|lines| lines.line_count() > 0).collect();
+        let with_lines = variants.into_iter().filter(|lines| lines.line_count() > 0);
         let twins: Vec<_> =
-            variants.into_iter().map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
+            with_lines.map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
         if twins.is_empty() {
             return Err(Error::value(
                 "number of line cells",
@@ -149,19 +149,20 @@ fn held_out_surface(
     let range = style.info.normalization;
     let metres = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
     let mut answer = |half: usize, first: usize, width: usize| -> Result<Option<Grid<f32>>> {
-        let half_source = Source::new(&source.info.name, &source.dem, Cell::new(0, first), rows, width)?;
         let mut epochs = 0;
         let told = |_: &EpochReport| {
             epochs += 1;
             progress(0.5 * (half as f64 + epochs as f64 / config.model.epochs as f64));
         };
-        // Half of an exemplar may be level or without a line.
-        let Ok(model) = learn(&half_source, &config, seed, told) else { return Ok(None) };
+        // Half of an exemplar may be void, level or without a line.
+        let learned = Source::new(&source.info.name, &source.dem, Cell::new(0, first), rows, width)
+            .and_then(|half| learn(&half, &config, seed, told));
+        let Ok(model) = learned else { return Ok(None) };
         let heights = model.generate(&metres, Some(range), seed)?;
         Ok(Some(heights.map(|z| range.to_unit(f64::from(*z)) as f32)))
     };
-    let (by_west, by_east) = (answer(0, 0, middle)?, answer(1, middle, cols - middle)?);
-    let (Some(by_west), Some(mut whole)) = (by_west, by_east) else { return Ok(None) };
+    let Some(by_west) = answer(0, 0, middle)? else { return Ok(None) };
+    let Some(mut whole) = answer(1, middle, cols - middle)? else { return Ok(None) };
     for (cell, z) in by_west.cells() {
         let share = (0.5 + (cell.col as f32 - middle as f32) / SEAM).clamp(0.0, 1.0);
         whole[cell] += share * (z - whole[cell]);

@@ -231,17 +231,8 @@ fn patches_are_detail_that_needs_no_training() {
     // From the same coarse model, without training it again: the same bytes.
     let without_epochs: Vec<&str> =
         take.iter().copied().filter(|word| !["--epochs", "3"].contains(word)).collect();
-    let reused = [
-        "--set",
-        "model.epochs=3",
-        "--coarse",
-        "s.safetensors",
-        "--detail-model",
-        "patches",
-        "-o",
-        "q.safetensors",
-    ];
-    done(at, &[&without_epochs[..], &reused[..], &["-q"]].concat());
+    let reused = ["--set", "model.epochs=3", "--coarse", "s.safetensors", "--detail-model", "patches", "-o"];
+    done(at, &[&without_epochs[..], &reused[..], &["q.safetensors", "-q"]].concat());
     let make = |style: &str, file: &str, more: &[&str]| {
         done(at, &[&["generate", style, "--sketch", "lambda-ring", "-o", file], more].concat());
         heights(&at.join(file))
@@ -260,23 +251,45 @@ fn patches_are_detail_that_needs_no_training() {
     assert_eq!(heights(&at.join("f.tif")).len(), 96 * 96);
 
     fails(at, &["sample", "p.safetensors", "--size", "64", "-o", "x.tif"], 1, &["generators"]);
-    let other = [
-        "--seed",
-        "2",
-        "--set",
-        "model.epochs=3",
-        "--coarse",
-        "s.safetensors",
-        "--detail-model",
-        "patches",
-        "-o",
-        "x.tif",
-    ];
-    fails(at, &[&without_epochs[..], &other[..]].concat(), 1, &["s.safetensors", "seed", "coarse model"]);
+    let other = [&without_epochs[..], &reused[..], &["x.tif", "--seed", "2"]].concat();
+    fails(at, &other, 1, &["s.safetensors", "seed", "coarse model"]);
     let settings = ["--set", "detail.steps=9", "--detail-model", "patches", "-o", "x.safetensors"];
     fails(at, &[&take[..], &settings[..]].concat(), 1, &["patches", "[detail]"]);
     // Refused before anything is trained.
     let large = ["train", "sierra", "--crop", "0,0,300", "--detail-model", "patches", "-o", "x.safetensors"];
     fails(at, &large, 1, &["300x300", "65536"]);
     assert!(!at.join("x.safetensors").exists());
+}
+
+#[test]
+fn strength_is_measured_on_terrain_that_the_coarse_model_has_not_seen() {
+    use monadnock::dem::Dem;
+    use monadnock::grid::Cell;
+    use monadnock::seed::Seed;
+    use monadnock::systems::pipeline::take_patches;
+    use monadnock::systems::region_gnn::style::{Source, StyleConfig, learn};
+
+    let sierra = monadnock::dem::bundled::load("sierra").unwrap();
+    let mut config = StyleConfig::default();
+    (config.model.epochs, config.model.extractions) = (4, 1);
+    let shares = |dem: &Dem, side: usize| {
+        let source = Source::new("sierra", dem, Cell::new(192, 192), side, side).unwrap();
+        let mut style = learn(&source, &config, Seed(1), |_| ()).unwrap();
+        let mut shares = Vec::new();
+        take_patches(&mut style, &source, Seed(1), &mut |share| shares.push(share)).unwrap();
+        assert!(style.info.detail.is_some());
+        shares
+    };
+    // Two epochs of each half.
+    assert_eq!(shares(&sierra, 96), [0.25, 0.5, 0.75, 1.0]);
+    // Halves too small to learn from, or void: the surface through the lines serves.
+    assert!(shares(&sierra, 64).is_empty());
+    let mut valid = sierra.valid().clone();
+    for row in 192..288 {
+        for col in 192..240 {
+            valid[Cell::new(row, col)] = false;
+        }
+    }
+    let holed = Dem::with_voids(sierra.heights().clone(), valid, sierra.cell_size()).unwrap();
+    assert!(shares(&holed, 96).is_empty());
 }
