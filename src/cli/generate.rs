@@ -6,14 +6,13 @@ use super::sketch_input::{in_metres, read_sized};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
-use crate::extract::random::{RandomSketchConfig, enhance};
 use crate::grid::{Grid, Mask};
 use crate::machine;
 use crate::sketch::LineMap;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::systems::pipeline::{add_detail, detail_of, no_detail};
 use crate::systems::region_gnn::Style;
-use crate::systems::task::DetailUse;
+use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `generate`.
@@ -54,11 +53,35 @@ pub(super) struct GenerateArgs {
     /// Nodes of random ridges and valleys to fill the empty parts of a sparse sketch (paper, 5.2)
     #[arg(long, value_name = "N")]
     random_sketches: Option<usize>,
+    /// Heights of random lines: around the drawn strokes, as steep as the style; or from the whole range (paper)
+    #[arg(long, value_enum, value_name = "WHERE", default_value = "style", requires = "random_sketches")]
+    random_heights: RandomHeightsName,
     /// Fill in missing heights along each stroke from the given ones
     #[arg(long)]
     interpolate_heights: bool,
     #[command(flatten)]
     detail: DetailOptions,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum RandomHeightsName {
+    Style,
+    Range,
+}
+
+impl From<RandomHeightsName> for RandomHeights {
+    fn from(name: RandomHeightsName) -> Self {
+        match name {
+            RandomHeightsName::Style => Self::Style,
+            RandomHeightsName::Range => Self::Range,
+        }
+    }
+}
+
+/// What random lines are measured by, metres.
+pub(super) fn ground_of(style: &Style, range: Normalization) -> Ground {
+    let metres = range.high() - range.low();
+    Ground { range: (range.low(), range.high()), slope: style.info.mean_slope.map(|slope| slope * metres) }
 }
 
 const DETAIL: &str = "Detail";
@@ -140,9 +163,8 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     check_memory(sketch.rows, sketch.cols, machine::available_memory())?;
     let sketch = match args.random_sketches {
         Some(nodes) => {
-            let heights = Some((range.low(), range.high()));
-            let config = RandomSketchConfig { nodes, height_range: heights, ..Default::default() };
-            enhance(&sketch, &config, context.seed)?
+            let ground = ground_of(&style, range);
+            with_random_lines(&sketch, nodes, args.random_heights.into(), ground, context.seed)?
         }
         None => sketch,
     };

@@ -5,7 +5,7 @@ use super::args::{check_output, keep_inputs, size};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem};
 use crate::error::Result;
-use crate::systems::pipeline::needed_generators;
+use crate::systems::pipeline::needed_detail;
 use crate::systems::region_gnn::Style;
 use std::path::PathBuf;
 
@@ -15,8 +15,7 @@ use std::path::PathBuf;
   monadnock sample alps.safetensors --size 256x256 -o alps-like.tif
   monadnock --seed 2 sample alps.safetensors --size 512x1024 -o another.tif
 
-The terrain has no plan: its large forms are drawn like its small ones. Every --seed gives another. Only generators can do it:
-a style with --detail-model patches is refused.")]
+The terrain has no plan: its large forms are drawn like its small ones. Every --seed gives another.")]
 pub(super) struct SampleArgs {
     /// The style, as written by `train`
     style: PathBuf,
@@ -34,7 +33,7 @@ pub(super) struct SampleArgs {
 /// Whatever is wrong with the style or the output path.
 pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
     let style = Style::load(&args.style)?;
-    let detail = needed_generators(&style).map_err(|e| e.in_file(&args.style))?;
+    let detail = needed_detail(&style).map_err(|e| e.in_file(&args.style))?;
     check_output(&args.output)?;
     keep_inputs(&args.output, &[&args.style])?;
     io::check_name(&args.output)?;

@@ -5,9 +5,11 @@ use super::args::{CropOption, DemInput, check_output, keep_inputs, read_toml, te
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
-use crate::grid::Cell;
+use crate::grid::{Cell, Grid};
 use crate::systems::gpnn;
-use crate::systems::pipeline::{StyleDetail, continues, detail_of, learn_detail, take_patches};
+use crate::systems::pipeline::{
+    StyleDetail, continues, detail_of, learn_detail, take_patches, unseen_surface,
+};
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
 use crate::systems::singan::{self, DetailConfig};
@@ -20,6 +22,10 @@ const LARGEST_WHOLE: usize = 192 * 192;
 const COARSE_SHARE: f64 = 0.3;
 /// Seconds in which the coarse model comes near its plateau on two cores; a short budget gives it half of itself, up to these.
 const COARSE_SECONDS: f64 = 30.0;
+/// Share of what the detail gets of a budget in which the strength of generators is measured.
+const UNSEEN_SHARE: f64 = 0.15;
+/// Share of a budget that the coarse model gets before patches; two halves of it take half as long again, the rest is the search.
+const PATCHES_COARSE_SHARE: f64 = 0.6;
 
 /// Arguments of `train`.
 #[derive(Debug, clap::Args)]
@@ -29,20 +35,22 @@ const COARSE_SECONDS: f64 = 30.0;
   monadnock train alps.tif -o alps.safetensors --preset paper --set model.epochs=1000
   monadnock train alps.tif -o alps.safetensors --config mine.toml
   monadnock train alps.tif -o alps.safetensors --no-detail
-  monadnock train alps.tif -o alps.safetensors --detail-model patches
+  monadnock train alps.tif -o alps.safetensors --detail-model generators
   monadnock train alps.tif -o alps.safetensors --set detail.steps=200
   monadnock train alps.tif -o alps.safetensors --budget 60s
   monadnock train alps.tif -o alps.safetensors --epochs 5000 --resume
 
-Two models are trained, one after the other: the coarse one, which turns lines into terrain, and the detail, which adds the
-small forms that lines leave open. The style is written after the first and again after the second, so that it can be used
-whatever happens. A --budget is for both: half of it, up to 30 s, and at least 3 tenths for the coarse model, the rest for
-the detail. With --preset paper, which is there to compare coarse models, detail is trained only when --detail-preset or a
-key of [detail] asks for it.
+First the coarse model is trained, which turns lines into terrain; then comes the detail, which adds the small forms that
+lines leave open. The style is written after the first and again after the second, so that it can be used whatever happens.
 
-With --detail-model patches the exemplar's own patches are the detail, and only their strength is measured, which takes about
-half as long as the coarse model's training. For maps of up to some 512x512 cells they are the more faithful; larger ones take minutes,
-and `sample` needs generators.
+Detail is the exemplar's own patches (GPNN). Only their strength is measured: two coarse models, one a half of the exemplar, show
+what is left open in terrain that they have not seen. With --detail-model generators, or with a setting of theirs, a SinGAN is
+trained instead: minutes, and terrain with a little less of the exemplar's statistics, but faster on large maps. Exemplars of more
+than 65,536 cells get generators too. With --preset paper, which is there to compare coarse models, there
+is detail only when one of these options asks for it.
+
+A --budget is for everything. With patches the coarse model gets six tenths of it. With generators it gets half, up to 30 s,
+and at least three tenths.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
 detail), which is removed at the end. A training that was killed continues from there with --resume and the same
@@ -73,16 +81,11 @@ pub(super) struct TrainArgs {
     /// Leave out the detail: terrain then keeps only the forms that its lines say
     #[arg(long)]
     no_detail: bool,
-    /// Where detail comes from: generators that are trained (SinGAN), or the exemplar's own patches (GPNN)
-    #[arg(
-        long,
-        value_enum,
-        value_name = "MODEL",
-        default_value = "generators",
-        conflicts_with = "no_detail"
-    )]
-    detail_model: DetailModelName,
-    /// Named configuration of the generators: ours (the default), or paper (SinGAN as published: hours)
+    /// Where detail comes from: the exemplar's own patches (GPNN; the default), or generators that are trained (SinGAN; the default
+    /// when a setting of theirs is given)
+    #[arg(long, value_enum, value_name = "MODEL", conflicts_with = "no_detail")]
+    detail_model: Option<DetailModelName>,
+    /// Generators, and their named configuration: ours (the default), or paper (SinGAN as published: hours)
     #[arg(long, value_enum, conflicts_with = "no_detail")]
     detail_preset: Option<DetailPresetName>,
     /// Training steps of the coarse model
@@ -135,14 +138,11 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     let (config, detail) = resolve(preset, &named, args.config.as_deref(), &args.set, args.epochs)?;
     let asked = args.detail_preset.is_some() || detail != named;
-    let patches = args.detail_model == DetailModelName::Patches;
-    if patches && asked {
+    if args.detail_model == Some(DetailModelName::Patches) && asked {
         let allowed = "patches have no settings: leave out --detail-preset and the keys of [detail]";
         return Err(Error::value("--detail-model", "patches", allowed));
     }
-    let with_detail = !args.no_detail && (asked || patches || preset != Preset::Paper);
-    // Only generators are trained.
-    let with_generators = with_detail && !patches;
+    let with_detail = !args.no_detail && (asked || args.detail_model.is_some() || preset != Preset::Paper);
     let dem = args.dem.load(&context.console)?;
     check_output(&args.output)?;
     keep_inputs(&args.output, &[&args.dem.dem])?;
@@ -150,15 +150,26 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,
     };
-    if patches {
+    let patches = match args.detail_model {
+        Some(model) => model == DetailModelName::Patches,
+        None => !asked && gpnn::check_shape(rows, cols).is_ok(),
+    };
+    // Only generators are trained.
+    let with_generators = with_detail && !patches;
+    if with_detail && patches {
         gpnn::check_shape(rows, cols)?;
     }
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
     let [coarse_file, detail_file] =
         ["checkpoint", "detail-checkpoint"].map(|kind| checkpoint_path(&args.output, kind));
     let interrupted = [&coarse_file, &detail_file].into_iter().find(|file| file.exists());
+    // The coarse model is done when its checkpoint is gone, and it is in the output.
+    let is_begun = |style: &Style| continues(style, &source, Some(&config), context.seed).is_ok();
+    let begun = (args.resume && interrupted.is_none() && args.output.exists())
+        .then(|| Style::load(&args.output).ok().filter(is_begun))
+        .flatten();
     match interrupted {
-        None if args.resume => {
+        None if args.resume && begun.is_none() => {
             context.console.line(format!("no {}: training from the start", coarse_file.display()));
         }
         Some(file) if !args.resume => {
@@ -168,8 +179,16 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         }
         _ => {}
     }
-    let coarse_budget = args.budget.map(|all| if with_generators { coarse_share(all) } else { all });
-    let detail_budget = args.budget.map(|all| all - coarse_share(all));
+    let share = |share: f64| args.budget.map(|all| all.mul_f64(share));
+    let (coarse_budget, unseen_budget, detail_budget) = if with_generators {
+        let detail = args.budget.map(|all| all - coarse_share(all));
+        let unseen = detail.map(|detail| detail.mul_f64(UNSEEN_SHARE));
+        (args.budget.map(coarse_share), unseen, detail.zip(unseen).map(|(all, unseen)| all - unseen))
+    } else if with_detail {
+        (share(PATCHES_COARSE_SHARE), share(PATCHES_COARSE_SHARE / 2.0), None)
+    } else {
+        (args.budget, None, None)
+    };
     let bounds = |path: &Path, budget: Option<Duration>| Bounds {
         budget,
         checkpoints: Some(Checkpoints {
@@ -178,10 +197,11 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
             resume: args.resume,
         }),
     };
-    // A checkpoint of the detail means that the coarse model is done, and it is in the output.
     let mut style = if let Some(path) = &args.coarse {
         let style = Style::load(path)?;
         continues(&style, &source, Some(&config), context.seed).map_err(|e| e.in_file(path))?;
+        style
+    } else if let Some(style) = begun {
         style
     } else if args.resume && detail_file.exists() && with_generators {
         let style = Style::load(&args.output)?;
@@ -189,7 +209,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         continues(&style, &source, config, context.seed).map_err(|e| e.in_file(&args.output))?;
         style
     } else {
-        let label = if with_generators { "training, 1 of 2: coarse model" } else { "training" };
+        let label = if with_detail { "training the coarse model" } else { "training" };
         let bounds = bounds(&coarse_file, coarse_budget);
         let trained = train_with_progress(&source, &config, context, label, bounds);
         told_of_divergence(&trained, &coarse_file, "model", context);
@@ -198,17 +218,22 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         remove(&coarse_file)?;
         style
     };
-    if with_detail && patches {
-        let bar = context.console.progress(100, "measuring the strength of the detail");
-        let mut progress = |share: f64| bar.reach((100.0 * share) as u64);
-        take_patches(&mut style, &source, context.seed, &mut progress)?;
-        style.save(&args.output)?;
-    } else if with_detail {
-        let bounds = bounds(&detail_file, detail_budget);
-        let label = "training, 2 of 2: detail";
-        let learned = detail_with_progress(&mut style, &source, &detail, context, label, bounds);
-        told_of_divergence(&learned, &detail_file, "detail", context);
-        learned?;
+    if with_detail {
+        if !patches && !asked && args.detail_model.is_none() {
+            let text =
+                format!("{rows}x{cols} cells are not searched for patches: detail comes from generators");
+            context.console.line(text);
+        }
+        let unseen = unseen_with_progress(&style, &source, unseen_budget, context)?;
+        if patches {
+            take_patches(&mut style, &source, unseen.as_ref(), context.seed)?;
+        } else {
+            let bounds = bounds(&detail_file, detail_budget);
+            let learned =
+                detail_with_progress(&mut style, &source, unseen.as_ref(), &detail, context, bounds);
+            told_of_divergence(&learned, &detail_file, "detail", context);
+            learned?;
+        }
         style.save(&args.output)?;
         remove(&detail_file)?;
     }
@@ -322,13 +347,25 @@ pub(super) fn train_with_progress(
     learn_with(source, config, context.seed, control)
 }
 
+/// What the coarse model leaves open in terrain that it has not seen, under a progress bar.
+pub(super) fn unseen_with_progress(
+    style: &Style,
+    source: &Source,
+    budget: Option<Duration>,
+    context: &Context,
+) -> Result<Option<Grid<f32>>> {
+    let bar = context.console.progress(100, "measuring what is left to the detail");
+    let mut progress = |share: f64| bar.reach((100.0 * share) as u64);
+    unseen_surface(style, source, context.seed, budget, &mut progress)
+}
+
 /// Learns the detail of a style under a progress bar, which counts the work of the steps, or under a budget seconds.
 pub(super) fn detail_with_progress(
     style: &mut Style,
     source: &Source,
+    unseen: Option<&Grid<f32>>,
     config: &DetailConfig,
     context: &Context,
-    label: &str,
     bounds: Bounds,
 ) -> Result<()> {
     let (rows, cols) = source.dem.shape();
@@ -336,7 +373,7 @@ pub(super) fn detail_with_progress(
     let all: u64 = work.iter().map(|w| w * config.steps as u64).sum();
     // In percent: a unit of work means nothing to anybody.
     let total = bounds.budget.map_or(100, |budget| budget.as_secs());
-    let bar = context.console.progress(total, label);
+    let bar = context.console.progress(total, "training the detail");
     let mut progress = |report: &singan::StepReport| {
         bar.note(format!("scale {} of {}", report.scale + 1, report.scales));
         let finished: u64 = work[..report.scale].iter().map(|w| w * config.steps as u64).sum();
@@ -345,7 +382,7 @@ pub(super) fn detail_with_progress(
     };
     let control =
         singan::Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };
-    learn_detail(style, source, config, context.seed, control)
+    learn_detail(style, source, unseen, config, context.seed, control)
 }
 
 /// The presets, overlaid with a file and with single keys.

@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::grid::{Grid, Mask};
 use crate::sketch::LineMap;
 use crate::systems::registry::Named;
+use crate::systems::task::RandomHeights;
 use crate::viz::{ColorBar, LineArt, Palette, Picture, Relief, Rgb, Sheet};
 
 /// What gives the systems of an area and seed.
@@ -88,11 +89,14 @@ fn drawings(resolved: &Resolved, systems: SystemsOf<'_>, keep: Keep<'_>) -> Resu
             let subtitle = "Each row: the lines of the first variant, then four variants.";
             let mut sheet = Sheet::new(1 + measure::VARIANTS).title(title).subtitle(subtitle);
             sheet = sheet.row_heads(rows.iter().map(|s| match s.random {
-                Some(nodes) if nodes > 0 => format!("{nodes} random nodes"),
+                Some(nodes) if nodes > 0 => match s.random_heights {
+                    Some(RandomHeights::Range) => format!("{nodes} random nodes, whole range"),
+                    _ => format!("{nodes} random nodes"),
+                },
                 _ => "as drawn".to_owned(),
             }));
             for sketch in rows {
-                let (_, variants) = measure::drawing(sketch, seed)?;
+                let (_, variants) = measure::drawing(area, sketch, seed)?;
                 sheet = sheet.panel(paper(&variants[0])?, "lines");
                 for (v, lines) in variants.iter().enumerate() {
                     let output = system.generate(lines, measure::variant_seed(seed, v))?;

@@ -11,17 +11,17 @@ use super::spec::{
 use super::{moved, states};
 use crate::dem::Normalization;
 use crate::error::{Error, Result};
-use crate::extract::random::{RandomSketchConfig, enhance};
 use crate::extract::{self, ExtractionConfig};
 use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::{
-    LINE_TOLERANCE, curvature_distance, diversity, line_agreement, mean_slope_ratio, pit_share,
-    slope_distance, spectrum_distance, stroke_height_error,
+    LINE_TOLERANCE, curvature_distance, diversity, line_agreement, mean_slope_ratio, mean_valid_slope,
+    pit_share, slope_distance, spectrum_distance, stroke_height_error,
 };
 use crate::seed::Seed;
 use crate::sketch::{LineMap, Sketch, StrokeKind, samples};
 use crate::systems::region_gnn::Style;
 use crate::systems::registry::Named;
+use crate::systems::task::{Ground, with_random_lines};
 use rand::RngExt;
 use std::time::Instant;
 
@@ -240,15 +240,17 @@ fn beside_style(area: &Area, output: &Grid<f32>, valid: &Mask) -> Values {
 }
 
 /// The lines of each variant of a drawing, and those that were drawn.
-pub(super) fn drawing(sketch: &SketchSpec, seed: u64) -> Result<(LineMap, Vec<LineMap>)> {
+pub(super) fn drawing(area: &Area, sketch: &SketchSpec, seed: u64) -> Result<(LineMap, Vec<LineMap>)> {
     let name = sketch.drawing.as_deref().unwrap_or_default();
     let drawn = samples::load(name)?.sketch;
-    let random = RandomSketchConfig {
-        nodes: sketch.random.unwrap_or(0),
-        height_range: Some((0.0, 1.0)),
-        ..RandomSketchConfig::default()
+    let dem = &area.source.dem;
+    let exemplar = Normalization::of(dem).normalize(dem);
+    let ground = Ground { range: (0.0, 1.0), slope: Some(mean_valid_slope(&exemplar, dem.valid())?) };
+    let (nodes, heights) = (sketch.random.unwrap_or(0), sketch.random_heights.unwrap_or_default());
+    let one = |v| {
+        with_random_lines(&drawn, nodes, heights, ground, variant_seed(seed, v))
+            .map(|sketch| sketch.rasterize())
     };
-    let one = |v| enhance(&drawn, &random, variant_seed(seed, v)).map(|sketch| sketch.rasterize());
     Ok((drawn.rasterize(), (0..VARIANTS).map(one).collect::<Result<_>>()?))
 }
 
@@ -265,7 +267,7 @@ fn drawn(
     systems: &Systems<'_>,
     seed: u64,
 ) -> Result<Vec<Measured>> {
-    let (asked, variants) = drawing(sketch, seed)?;
+    let (asked, variants) = drawing(area, sketch, seed)?;
     let line_share = variants.iter().map(LineMap::line_count).sum::<usize>() as f64
         / (VARIANTS * asked.kinds().len()) as f64;
     let (low, high) = area.source.dem.range();

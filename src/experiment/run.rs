@@ -7,18 +7,18 @@ use super::measure::{Systems, home_of, measure};
 use super::record::{Record, Session, Timed, TrainingRow};
 use super::resolve::{Area, Resolved};
 use super::rows::{Key, ScoreRow};
-use super::spec::{ExperimentSpec, Kind, SketchSpec, StyleSpec};
+use super::spec::{DetailSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
 use super::{extras, fit};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
-use crate::systems::pipeline::learn_detail;
+use crate::systems::pipeline::{learn_detail, take_patches, unseen_surface};
 use crate::systems::region_gnn::style::{StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, GenerationConfig, Style};
 use crate::systems::registry;
-use crate::systems::singan::{self, DetailConfig};
+use crate::systems::singan;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -88,6 +88,8 @@ struct Wanted<'a> {
     config: StyleConfig,
     seed: u64,
     path: PathBuf,
+    /// Where the same style without detail is, if there is one.
+    coarse: PathBuf,
 }
 
 /// A trained style, or why there is none.
@@ -156,9 +158,11 @@ fn wanted<'a>(resolved: &'a Resolved, folder: &Path) -> Result<Vec<Wanted<'a>>> 
         for style in &resolved.spec.style {
             let config = resolved.spec.config_of(style)?;
             for &seed in &resolved.spec.seeds {
-                let name = format!("{}.safetensors", hash(&config, style.detail.as_ref(), area, seed)?);
-                let path = folder.join(name);
-                all.push(Wanted { area, style, config: config.clone(), seed, path });
+                let path = |detail| -> Result<PathBuf> {
+                    Ok(folder.join(format!("{}.safetensors", hash(&config, detail, area, seed)?)))
+                };
+                let (path, coarse) = (path(style.detail.as_ref())?, path(None)?);
+                all.push(Wanted { area, style, config: config.clone(), seed, path, coarse });
             }
         }
     }
@@ -174,7 +178,7 @@ fn of_training(config: &StyleConfig) -> StyleConfig {
 }
 
 /// Tells trained styles apart by all that they depend on.
-fn hash(config: &StyleConfig, detail: Option<&DetailConfig>, area: &Area, seed: u64) -> Result<String> {
+fn hash(config: &StyleConfig, detail: Option<&DetailSpec>, area: &Area, seed: u64) -> Result<String> {
     let plain = |e| Error::value("configuration", e, "plain data");
     let config = serde_json::to_string(&of_training(config)).map_err(plain)?;
     let e = &area.source.info;
@@ -194,8 +198,10 @@ fn train_all(
     jobs: usize,
     watch: &(dyn Fn(Event) + Sync),
 ) -> Result<(Vec<Trained>, usize)> {
-    let slots: Vec<Mutex<Option<Result<Trained>>>> =
-        wanted.iter().map(|w| Mutex::new(load(&w.path, w).map(|style| Ok(Ok(style))))).collect();
+    let slots: Vec<Mutex<Option<Result<Trained>>>> = wanted
+        .iter()
+        .map(|w| Mutex::new(load(&w.path, w, w.style.detail.is_some()).map(|style| Ok(Ok(style)))))
+        .collect();
     let fill = |slot: &Mutex<Option<Result<Trained>>>, value| {
         *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
     };
@@ -221,7 +227,7 @@ fn train_all(
 }
 
 /// A style from an earlier run; a file that is not it, or torn, is trained again.
-fn load(path: &Path, wanted: &Wanted<'_>) -> Option<Style> {
+fn load(path: &Path, wanted: &Wanted<'_>, with_detail: bool) -> Option<Style> {
     let mut style = Style::load(path).ok()?;
     // A training that ended early says so in its number of epochs.
     let mut config = of_training(&style.info.config);
@@ -229,7 +235,7 @@ fn load(path: &Path, wanted: &Wanted<'_>) -> Option<Style> {
     let is_it = config == of_training(&wanted.config)
         && style.info.exemplar == wanted.area.source.info
         && style.info.seed == Seed(wanted.seed)
-        && style.info.detail.is_some() == wanted.style.detail.is_some();
+        && style.info.detail.is_some() == with_detail;
     style.info.config.generation = wanted.config.generation.clone();
     is_it.then_some(style)
 }
@@ -247,9 +253,22 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
             Checkpoints { path: checkpoint.clone(), interval: CHECKPOINTS, resume: checkpoint.exists() };
         let control = Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints) };
         let (source, seed) = (&wanted.area.source, Seed(wanted.seed));
-        let mut style = learn_with(source, &wanted.config, seed, control)?;
-        if let Some(detail) = &wanted.style.detail {
-            learn_detail(&mut style, source, detail, seed, singan::Control::new(&mut |_| {}))?;
+        let Some(detail) = &wanted.style.detail else {
+            return learn_with(source, &wanted.config, seed, control);
+        };
+        // Another style of the experiment, or another experiment, may have trained the coarse model.
+        let mut style = match load(&wanted.coarse, wanted, false) {
+            Some(style) => style,
+            None => learn_with(source, &wanted.config, seed, control)?,
+        };
+        let unseen = unseen_surface(&style, source, seed, None, &mut |_| {})?;
+        match detail {
+            DetailSpec::Patches(_) => take_patches(&mut style, source, unseen.as_ref(), seed)?,
+            DetailSpec::Generators(settings) => {
+                let mut quiet = |_: &singan::StepReport| {};
+                let control = singan::Control::new(&mut quiet);
+                learn_detail(&mut style, source, unseen.as_ref(), settings, seed, control)?;
+            }
         }
         Ok(style)
     });

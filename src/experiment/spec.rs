@@ -8,10 +8,12 @@ use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
 use crate::file;
 use crate::metrics::Scores;
+use crate::systems::gpnn::PatchModel;
 use crate::systems::region_gnn::{Preset, StyleConfig};
 use crate::systems::registry;
 use crate::systems::singan::DetailConfig;
-use serde::{Deserialize, Serialize};
+use crate::systems::task::RandomHeights;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
 /// The largest file that is read as an experiment, bytes.
@@ -142,9 +144,31 @@ pub struct StyleSpec {
     /// The whole configuration instead of preset, overrides and set: what a resolved file has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<StyleConfig>,
-    /// Also learns detail, with these settings; `detail = {}` takes the usual ones. Without it the style is coarse only.
+    /// Also has detail: `"patches"`, or generators with these settings; `detail = {}` takes the usual ones. Without it the
+    /// style is coarse only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub detail: Option<DetailConfig>,
+    pub detail: Option<DetailSpec>,
+}
+
+/// The detail of a style.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum DetailSpec {
+    /// The exemplar's patches.
+    Patches(PatchModel),
+    /// Generators, trained with these settings.
+    Generators(DetailConfig),
+}
+
+// Not derived: an untagged enum would not say which key is wrong.
+impl<'de> Deserialize<'de> for DetailSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        match toml::Value::deserialize(deserializer)? {
+            name @ toml::Value::String(_) => name.try_into().map(Self::Patches),
+            settings => settings.try_into().map(Self::Generators),
+        }
+        .map_err(serde::de::Error::custom)
+    }
 }
 
 /// One piece of terrain.
@@ -205,6 +229,9 @@ pub struct SketchSpec {
     /// `drawings`: nodes of random lines (5.2); none when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random: Option<usize>,
+    /// `drawings`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random_heights: Option<RandomHeights>,
     /// `invariance`: degrees by which the lines are turned about the middle, counter-clockwise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turn: Option<f64>,

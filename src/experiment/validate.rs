@@ -162,6 +162,7 @@ fn use_of(kind: Kind, sketch: &SketchSpec) -> Result<()> {
     let is_moved = sketch.turn.is_some() || sketch.mirror || sketch.shift.is_some() || sketch.same_parts;
     only(is_moved, "turn, mirror, shift or same_parts", Kind::Invariance)?;
     only(sketch.drawing.is_some() || sketch.random.is_some(), "drawing or random", Kind::Drawings)?;
+    only(sketch.random_heights.is_some(), "random_heights", Kind::Drawings)?;
     if sketch.strokes == Some(0) || sketch.strokes.is_none() && sketch.choose.is_some() {
         return Err(Error::value("strokes", format!("{:?}", sketch.strokes), "allowed: at least 1"));
     }

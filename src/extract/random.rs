@@ -7,11 +7,13 @@
 //! nor a kept ridge. Heights are linear along each line.
 //!
 //! Departures: the paper normalises heights over the whole sketch, so here its unit interval is mapped to the range of
-//! the drawn heights (or to a given range); lines also keep a clearance from each other, without which a ridge half a
+//! the drawn heights (or to a given range), or to a band around a surface ([`enhance_around`]): heights from the whole range make
+//! walls and pits, the steeper the more lines there are. Lines also keep a clearance from each other, without which a ridge half a
 //! cell beside a valley makes a cliff; ridges keep off drawn valleys too, not only off drawn ridges. Voronoi vertices
 //! outside the map are left out. Cost: n log n for n nodes, plus (lines) x (drawn vertices) distance tests.
 
 use crate::error::{Error, Result};
+use crate::grid::{Cell, Grid};
 use crate::seed::{Seed, Stream};
 use crate::sketch::{Sketch, Stroke, StrokeKind, Vertex};
 use petgraph::unionfind::UnionFind;
@@ -90,6 +92,43 @@ pub fn enhance(sketch: &Sketch, config: &RandomSketchConfig, seed: Seed) -> Resu
             ));
         }
     };
+    with_lines(sketch, config, seed, &|node| low + node.height * (high - low))
+}
+
+/// As [`enhance`], but with heights around a surface: ridges up to `relief` above it, valleys up to `relief` below. The surface
+/// has the shape of the sketch; both in the unit of the sketch. `config.height_range` is not read.
+///
+/// # Errors
+/// When the sketch or the configuration is not valid, the relief is negative or not finite, or the surface has another shape.
+pub fn enhance_around(
+    sketch: &Sketch,
+    config: &RandomSketchConfig,
+    surface: &Grid<f64>,
+    relief: f64,
+    seed: Seed,
+) -> Result<Sketch> {
+    sketch.validate()?;
+    config.validate()?;
+    if !(relief.is_finite() && relief >= 0.0) {
+        return Err(Error::value("relief of random lines", relief, "allowed: finite, at least 0"));
+    }
+    if surface.shape() != (sketch.rows, sketch.cols) {
+        let allowed = format!("the sketch is {:?}", (sketch.rows, sketch.cols));
+        return Err(Error::value("surface of random lines", format!("{:?}", surface.shape()), allowed));
+    }
+    if config.nodes == 0 {
+        return Ok(sketch.clone());
+    }
+    let ground = |node: Node| surface[Cell::new(node.y.round() as usize, node.x.round() as usize)];
+    with_lines(sketch, config, seed, &|node| ground(node) + relief * (2.0 * node.height - 1.0))
+}
+
+fn with_lines(
+    sketch: &Sketch,
+    config: &RandomSketchConfig,
+    seed: Seed,
+    z: &dyn Fn(Node) -> f64,
+) -> Result<Sketch> {
     let drawn: Vec<Segment> = sketch.strokes.iter().flat_map(segments_of).collect();
     let is_clear = |line: &Segment, others: &[Segment]| {
         others.iter().all(|other| !line.comes_within(other, config.clearance))
@@ -104,7 +143,7 @@ pub fn enhance(sketch: &Sketch, config: &RandomSketchConfig, seed: Seed) -> Resu
     let stroke = |kind| {
         move |Segment(a, b): Segment| Stroke {
             kind,
-            vertices: [a, b].map(|n| Vertex { x: n.x, y: n.y, z: low + n.height * (high - low) }).to_vec(),
+            vertices: [a, b].map(|n| Vertex { x: n.x, y: n.y, z: z(n) }).to_vec(),
         }
     };
     let mut strokes: Vec<Stroke> = valleys.into_iter().map(stroke(StrokeKind::Valley)).collect();
@@ -251,6 +290,30 @@ mod tests {
     fn random(enhanced: &Sketch, kind: StrokeKind, drawn: usize) -> Vec<&Stroke> {
         let count = enhanced.strokes.len() - drawn;
         enhanced.strokes[..count].iter().filter(|s| s.kind == kind).collect()
+    }
+
+    #[test]
+    fn around_a_surface_ridges_rise_and_valleys_sink_by_the_relief_at_most() {
+        let sketch = cross();
+        let surface = Grid::from_fn(128, 128, |c| 10.0 * c.row as f64 + c.col as f64);
+        let config = RandomSketchConfig::default();
+        let around = |relief| enhance_around(&sketch, &config, &surface, relief, Seed(1)).unwrap();
+        let lines = |sketch: &Sketch| -> Vec<(f64, f64)> {
+            sketch.strokes.iter().flat_map(|s| s.vertices.iter().map(|v| (v.x, v.y))).collect()
+        };
+        assert_eq!(lines(&around(30.0)), lines(&enhance(&sketch, &config, Seed(1)).unwrap()));
+        for (kind, sign) in [(StrokeKind::Ridge, 1.0), (StrokeKind::Valley, -1.0)] {
+            let rises: Vec<f64> = random(&around(30.0), kind, 2)
+                .iter()
+                .flat_map(|s| s.vertices.iter())
+                .map(|v| sign * (v.z - surface[Cell::new(v.y.round() as usize, v.x.round() as usize)]))
+                .collect();
+            assert!(rises.iter().all(|rise| (0.0..=30.0).contains(rise)));
+            assert!(rises.iter().any(|rise| *rise > 15.0));
+        }
+        let wrong = enhance_around(&sketch, &config, &Grid::filled(4, 4, 0.0), 1.0, Seed(1));
+        assert!(wrong.unwrap_err().to_string().contains("(128, 128)"));
+        assert!(enhance_around(&sketch, &config, &surface, f64::NAN, Seed(1)).is_err());
     }
 
     #[test]

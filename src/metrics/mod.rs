@@ -18,7 +18,9 @@ pub use error::{psnr, rmse};
 pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
 pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
-pub use relief::{curvature_distance, mean_slope_ratio, mean_square_slope, pit_share, slope_distance};
+pub use relief::{
+    curvature_distance, mean_slope_ratio, mean_square_slope, mean_valid_slope, pit_share, slope_distance,
+};
 pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
 pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};

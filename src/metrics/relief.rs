@@ -18,8 +18,11 @@ pub fn mean_slope_ratio(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> 
     Ok(mean(&slopes(output, valid)) / positive_mean("mean slope of the truth", &truth)?)
 }
 
-/// Mean slope of the valid cells.
-pub(super) fn mean_valid_slope(terrain: &Grid<f32>, valid: &Mask) -> Result<f64> {
+/// Mean slope of the valid cells, heights a cell.
+///
+/// # Errors
+/// When there is no slope.
+pub fn mean_valid_slope(terrain: &Grid<f32>, valid: &Mask) -> Result<f64> {
     positive_mean("mean slope of the truth", &slopes(terrain, valid))
 }
 

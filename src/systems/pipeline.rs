@@ -4,8 +4,8 @@
 //! model rides in the style as named tensors and one description that the coarse system does not look into.
 
 use super::gpnn::{PatchDetail, PatchInfo};
-use super::region_gnn::style::{Source, StyleConfig, learn};
-use super::region_gnn::{EpochReport, Style, needs_correction};
+use super::region_gnn::style::{Source, StyleConfig, learn_with};
+use super::region_gnn::{Control, EpochReport, Style, needs_correction};
 use super::singan::{self, Detail, DetailConfig, DetailInfo};
 use super::task::{DetailModel, DetailUse, Finishing, Residual, SketchToTerrain};
 use crate::dem::{CellSize, Dem, Normalization};
@@ -18,6 +18,7 @@ use crate::seed::Seed;
 use crate::sketch::LineMap;
 use serde_json::Value;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Smallest side of half an exemplar that a coarse model is trained on.
 const SMALLEST_HALF: usize = 48;
@@ -29,13 +30,15 @@ const MOST_CELLS: usize = 1 << 30;
 /// Learns the detail of the style's own exemplar and puts it into the style.
 ///
 /// The coarse twins of the training are natural-neighbour surfaces through the exemplar's extracted lines, in the variants that
-/// the coarse model was trained with. Voids of the exemplar are filled harmonically.
+/// the coarse model was trained with. Voids of the exemplar are filled harmonically. Its strength is the one that suits
+/// `unseen` ([`unseen_surface`]), or the first twin where there is none.
 ///
 /// # Errors
 /// When a setting is out of range, the exemplar is too small, the training diverges, or a checkpoint does not fit.
 pub fn learn_detail(
     style: &mut Style,
     source: &Source,
+    unseen: Option<&Grid<f32>>,
     config: &DetailConfig,
     seed: Seed,
     control: singan::Control<'_>,
@@ -43,30 +46,27 @@ pub fn learn_detail(
     let Twins { truth, twins } = Twins::of(style, source, style.info.config.model.extractions, seed)?;
     let surfaces: Vec<Grid<f32>> = twins.iter().map(|(surface, _)| surface.clone()).collect();
     let mut detail = singan::train_with(&truth, &surfaces, config, seed.derive("detail"), control)?;
-    detail.calibrate(&twins[0].0, &twins[0].1, &truth)?;
+    let (surface, lines) = &twins[0];
+    detail.calibrate(unseen.unwrap_or(surface), lines, &truth)?;
     let (info, weights) = detail.parts();
     put(style, serde_json::to_value(&info), weights)
 }
 
-/// Takes the patches of the style's own exemplar as its detail, and puts them into the style. Their strength is measured on
-/// what the coarse model leaves open in terrain that it has not seen: one of each half of the exemplar is trained on the other
-/// half, with half the epochs. `progress` gets the share that is done. A small exemplar, or a coarse model that does not pass
-/// through its lines (`paper`), is calibrated on the natural-neighbour surface instead.
+/// Takes the patches of the style's own exemplar as its detail, and puts them into the style. Their strength is the one that
+/// suits `unseen` ([`unseen_surface`]), or the natural-neighbour surface where there is none.
 ///
 /// # Errors
 /// When the exemplar is too small or too large.
 pub fn take_patches(
     style: &mut Style,
     source: &Source,
+    unseen: Option<&Grid<f32>>,
     seed: Seed,
-    progress: &mut dyn FnMut(f64),
 ) -> Result<()> {
     let Twins { truth, mut twins } = Twins::of(style, source, 1, seed)?;
     let (surface, lines) = twins.swap_remove(0);
-    let coarse = held_out_surface(style, source, &lines, seed.derive("held out"), progress)?;
-    let coarse = coarse.unwrap_or_else(|| surface.clone());
-    let mut detail = PatchDetail::new(truth, surface, &lines)?;
-    detail.calibrate(&coarse, &lines, seed.derive("detail"))?;
+    let mut detail = PatchDetail::new(truth, surface.clone(), &lines)?;
+    detail.calibrate(unseen.unwrap_or(&surface), &lines, seed.derive("detail"))?;
     let (info, tensors) = detail.parts();
     put(style, serde_json::to_value(&info), tensors)
 }
@@ -130,13 +130,18 @@ pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, s
     Ok(())
 }
 
-/// What a coarse model like the style's makes of lines (unit interval) of the exemplar where it has not seen it. None where there
-/// is too little to learn from.
-fn held_out_surface(
+/// What a coarse model like the style's makes of the exemplar's lines where it has not seen the exemplar, in the unit interval:
+/// two models, one a half of the exemplar, are trained with half the epochs (or together for `budget`), and each answers in the
+/// other half. `progress` gets the share that is done. None where there is too little to learn from, and for a coarse model that
+/// does not pass through its lines (`paper`).
+///
+/// # Errors
+/// When the exemplar has no lines.
+pub fn unseen_surface(
     style: &Style,
     source: &Source,
-    lines: &LineMap,
     seed: Seed,
+    budget: Option<Duration>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Option<Grid<f32>>> {
     let (rows, cols) = source.dem.shape();
@@ -144,19 +149,25 @@ fn held_out_surface(
     if !needs_correction(&style.info.config.model) || rows.min(middle) < SMALLEST_HALF {
         return Ok(None);
     }
+    let lines = Twins::of(style, source, 1, seed)?.twins.swap_remove(0).1;
+    let seed = seed.derive("held out");
     let mut config = style.info.config.clone();
     config.model.epochs = (config.model.epochs / 2).max(1);
     let range = style.info.normalization;
     let metres = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
     let mut answer = |half: usize, first: usize, width: usize| -> Result<Option<Grid<f32>>> {
-        let mut epochs = 0;
-        let told = |_: &EpochReport| {
-            epochs += 1;
-            progress(0.5 * (half as f64 + epochs as f64 / config.model.epochs as f64));
+        let budget = budget.map(|both| both / 2);
+        let mut told = |report: &EpochReport| {
+            let done = match budget {
+                Some(budget) => report.seconds / budget.as_secs_f64(),
+                None => report.epoch as f64 / config.model.epochs as f64,
+            };
+            progress(0.5 * (half as f64 + done));
         };
+        let control = Control { progress: &mut told, budget, checkpoints: None };
         // Half of an exemplar may be void, level or without a line.
         let learned = Source::new(&source.info.name, &source.dem, Cell::new(0, first), rows, width)
-            .and_then(|half| learn(&half, &config, seed, told));
+            .and_then(|half| learn_with(&half, &config, seed, control));
         let Ok(model) = learned else { return Ok(None) };
         let heights = model.generate(&metres, Some(range), seed)?;
         Ok(Some(heights.map(|z| range.to_unit(f64::from(*z)) as f32)))
@@ -192,6 +203,19 @@ impl StyleDetail {
         match self {
             Self::Generators(detail) => detail,
             Self::Patches(detail) => detail,
+        }
+    }
+}
+
+impl StyleDetail {
+    /// Terrain of the exemplar's kind from noise alone. (rows, cols), in the exemplar's unit interval (which it may leave).
+    ///
+    /// # Errors
+    /// When a side is smaller than 16 cells.
+    pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
+        match self {
+            Self::Generators(detail) => detail.sample(rows, cols, seed),
+            Self::Patches(detail) => detail.sample(rows, cols, seed),
         }
     }
 }
@@ -242,21 +266,6 @@ pub fn detail_of(style: &Style) -> Result<Option<StyleDetail>> {
 /// As there, and when there is none.
 pub fn needed_detail(style: &Style) -> Result<StyleDetail> {
     detail_of(style)?.ok_or_else(no_detail)
-}
-
-/// [`needed_detail`], where only trained generators will do.
-///
-/// # Errors
-/// As there, and when the style's detail is patches.
-pub fn needed_generators(style: &Style) -> Result<Detail> {
-    match needed_detail(style)? {
-        StyleDetail::Generators(detail) => Ok(detail),
-        StyleDetail::Patches(_) => {
-            let allowed =
-                "terrain from noise needs generators: train the style with --detail-model generators";
-            Err(Error::value("detail of the style", "patches", allowed))
-        }
-    }
 }
 
 /// A style without detail where one is needed.

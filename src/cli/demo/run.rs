@@ -2,8 +2,9 @@
 
 use super::report;
 use crate::cli::Context;
+use crate::cli::generate::ground_of;
 use crate::cli::sketch_input::in_metres;
-use crate::cli::train::{Bounds, detail_with_progress, train_with_progress};
+use crate::cli::train::{Bounds, train_with_progress, unseen_with_progress};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
@@ -11,17 +12,15 @@ use crate::experiment::{
     Evaluation, EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv,
 };
 use crate::extract;
-use crate::extract::random::{RandomSketchConfig, enhance};
 use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{LineMap, Sketch, samples};
-use crate::systems::pipeline::{add_detail, needed_detail};
+use crate::systems::pipeline::{add_detail, needed_detail, take_patches};
 use crate::systems::region_gnn::Style;
 use crate::systems::region_gnn::style::{Source, StyleConfig};
 use crate::systems::registry;
-use crate::systems::singan::DetailConfig;
-use crate::systems::task::DetailUse;
+use crate::systems::task::{DetailUse, RandomHeights, with_random_lines};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -30,8 +29,6 @@ use std::time::{Duration, Instant};
 const EXEMPLARS: [&str; 2] = ["sierra", "grand-canyon"];
 /// The hand-drawn sketch: a ridge like a lambda inside a ring of valleys (Liu & Benes 2025, Fig. 10).
 const DRAWING: &str = "lambda-ring";
-/// Steps of a scale of the detail, quick and not: fewer than the default, so that the demo ends soon.
-const DETAIL_STEPS: [usize; 2] = [24, 150];
 /// Nodes of random lines in the enhanced version of the drawing (paper, 5.2).
 const RANDOM_NODES: usize = 40;
 
@@ -95,8 +92,6 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         config.model.epochs = 60;
         config.model.extractions = 4;
     }
-    let steps = DETAIL_STEPS[usize::from(!args.quick)];
-    let detail = DetailConfig { steps, ..DetailConfig::default() };
     let mut times = Vec::new();
     let mut timed = |label: String, started: Instant| times.push((label, started.elapsed()));
 
@@ -115,9 +110,9 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         )?;
         timed(format!("training on {name}"), started);
         let started = Instant::now();
-        let label = format!("detail of {name}");
-        detail_with_progress(&mut style, &source, &detail, context, &label, Bounds::default())?;
-        timed(format!("training the detail of {name}"), started);
+        let unseen = unseen_with_progress(&style, &source, None, context)?;
+        take_patches(&mut style, &source, unseen.as_ref(), context.seed)?;
+        timed(format!("taking the detail of {name}"), started);
         let started = Instant::now();
         styles.push(draw_with(name, source, style, context)?);
         timed(format!("drawing in the style of {name}"), started);
@@ -181,9 +176,8 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
         let heights = add_detail(&coarse, &detail, range, Some(&lines), None, &how, context.seed)?;
         Dem::new(heights, source.dem.cell_size())
     };
-    let heights = Some((range.low(), range.high()));
-    let random = RandomSketchConfig { nodes: RANDOM_NODES, height_range: heights, ..Default::default() };
-    let richer = enhance(&drawing, &random, context.seed)?;
+    let ground = ground_of(&style, range);
+    let richer = with_random_lines(&drawing, RANDOM_NODES, RandomHeights::default(), ground, context.seed)?;
     let coarse = Dem::new(plain(&drawing)?, source.dem.cell_size())?;
     let (drawn, enhanced) = (terrain(&drawing)?, terrain(&richer)?);
     let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
@@ -224,15 +218,11 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
 fn commands(styles: &[Trained], quick: bool) -> Vec<String> {
     let mut commands = Vec::new();
     let settings = if quick { " --epochs 60 --set model.extractions=4" } else { "" };
-    let steps = DETAIL_STEPS[usize::from(!quick)];
     for s in styles {
         let e = &s.source.info;
         let crop = format!("--crop {},{},{}", e.row, e.col, e.rows);
         commands.push(format!("monadnock extract {} -o {}-exemplar.geojson {crop}", s.name, s.name));
-        commands.push(format!(
-            "monadnock train {} -o {}-style.safetensors {crop}{settings} --set detail.steps={steps}",
-            s.name, s.name
-        ));
+        commands.push(format!("monadnock train {} -o {}-style.safetensors {crop}{settings}", s.name, s.name));
         for (file, more) in [
             ("drawn", String::new()),
             ("drawn-without-detail", " --no-detail".to_owned()),

@@ -5,7 +5,9 @@
 //! as it is. Patches of a map are compared with the first and get the difference of both; [`PatchDetail`] is the exemplar,
 //! `synthesis` goes from coarse to fine, `patches` says what is compared, `search` finds the best.
 
+mod clusters;
 mod patches;
+mod sample;
 mod search;
 mod synthesis;
 
@@ -27,6 +29,8 @@ use synthesis::{Asked, Pair};
 const SMALLEST: usize = 32;
 /// Largest number of its cells: two seconds of search become minutes.
 const LARGEST: usize = 256 * 256;
+/// Smallest side of a map from noise, cells.
+const SMALLEST_SAMPLE: usize = 16;
 /// Up to so many times the exemplar's own gaps between lines a map's lines are as dense; where they are sparser, the smooth
 /// exemplar is the one without forms below the gaps.
 const AS_DENSE: f64 = 2.0;
@@ -169,6 +173,19 @@ impl PatchDetail {
         }
         self.record.seconds = started.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// Terrain of the exemplar's kind from noise alone (the paper's random generation). (rows, cols), in the unit interval (which
+    /// it may leave).
+    ///
+    /// # Errors
+    /// When a side is smaller than 16 cells.
+    pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
+        if rows.min(cols) < SMALLEST_SAMPLE {
+            let allowed = format!("allowed: at least {SMALLEST_SAMPLE}x{SMALLEST_SAMPLE}");
+            return Err(Error::value("size to sample", format!("{rows}x{cols}"), allowed));
+        }
+        Ok(sample::sample(&self.truth, rows, cols, seed))
     }
 
     /// The description and the named tensors, to be stored in any container.

@@ -5,6 +5,7 @@
 //! steep slopes are compared by their form, and what is copied is scaled back.
 
 use super::search::Table;
+use super::synthesis::turned;
 use crate::grid::Grid;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -44,8 +45,8 @@ pub(super) struct Units {
     pub(super) contrast: f32,
 }
 
-/// The slow cosine waves of a patch, the constant one first.
-pub(super) struct Waves(Vec<[f32; AREA]>);
+/// The slow cosine waves of a patch, the constant one first: of every cell its share of each.
+pub(super) struct Waves([[f32; WAVES]; AREA]);
 
 impl Waves {
     pub(super) fn new() -> Self {
@@ -53,30 +54,38 @@ impl Waves {
             let norm = if u == 0 { 1.0 } else { 2.0 } / SIDE as f64;
             norm.sqrt() * (PI * (i as f64 + 0.5) * u as f64 / SIDE as f64).cos()
         };
-        let pairs = (0..=FASTEST).flat_map(|u| (0..=FASTEST - u).map(move |v| (u, v)));
-        let wave = |(u, v)| std::array::from_fn(|i| (along(u, i / SIDE) * along(v, i % SIDE)) as f32);
-        Self(pairs.map(wave).collect())
+        let pairs: Vec<_> = (0..=FASTEST).flat_map(|u| (0..=FASTEST - u).map(move |v| (u, v))).collect();
+        let shares = |i: usize| {
+            std::array::from_fn(|w| (along(pairs[w].0, i / SIDE) * along(pairs[w].1, i % SIDE)) as f32)
+        };
+        Self(std::array::from_fn(shares))
     }
 
     /// The waves of the patch whose north-west cell is (`row`, `col`), times `weight`.
     fn of(&self, map: &Grid<f32>, row: usize, col: usize, weight: f32) -> [f32; WAVES] {
         let (cols, z) = (map.cols(), map.as_slice());
-        let mut patch = [0.0; AREA];
-        for i in 0..SIDE {
-            let start = (row + i) * cols + col;
-            patch[i * SIDE..(i + 1) * SIDE].copy_from_slice(&z[start..start + SIDE]);
-        }
         // Without the first height: on top of a mountain the sums would round the forms away.
-        let first = patch[0];
-        patch.iter_mut().for_each(|v| *v -= first);
-        let mut waves: [f32; WAVES] =
-            std::array::from_fn(|w| weight * self.0[w].iter().zip(&patch).map(|(a, b)| a * b).sum::<f32>());
+        let first = z[row * cols + col];
+        let mut waves = [0.0; WAVES];
+        for (i, shares) in self.0.chunks_exact(SIDE).enumerate() {
+            let start = (row + i) * cols + col;
+            for (shares, z) in shares.iter().zip(&z[start..start + SIDE]) {
+                waves.iter_mut().zip(shares).for_each(|(wave, share)| *wave += share * (z - first));
+            }
+        }
+        waves.iter_mut().for_each(|wave| *wave *= weight);
         waves[0] += weight * first * SIDE as f32;
         waves
     }
 }
 
 impl Layers {
+    /// All maps in one of the eight symmetries.
+    pub(super) fn turned(&self, turn: usize) -> Self {
+        let all = |map: &Option<Grid<f32>>| map.as_ref().map(|map| turned(map, turn));
+        Self { ground: turned(&self.ground, turn), residual: all(&self.residual), marks: all(&self.marks) }
+    }
+
     /// (rows, columns) of places where a patch fits.
     pub(super) fn places(&self) -> (usize, usize) {
         let (rows, cols) = self.ground.shape();

@@ -1,4 +1,4 @@
-//! Exact search for the best exemplar patch as a matrix product: least q . k over all keys, at the widest registers.
+//! The best key of every query as a matrix product: least q . k over all keys, at the widest registers.
 //!
 //! Squared distances are such products: |q - k|^2 w = (q, |q|^2, 1) . (-2 w k, w, w |k|^2), with any weight w of the key.
 //! `pulp` picks the instruction set at run time; a tile of queries x two registers of keys stays in registers while the depth
@@ -32,49 +32,72 @@ impl Table {
     pub(super) fn rows(&self) -> usize {
         self.values.len() / self.depth
     }
+
+    /// Some of the rows, in the order of their numbers.
+    pub(super) fn pick(&self, numbers: &[u32]) -> Self {
+        let row = |&number: &u32| &self.values[number as usize * self.depth..][..self.depth];
+        Self { depth: self.depth, values: numbers.iter().flat_map(row).copied().collect() }
+    }
 }
 
 /// For every query the key with the least product, and that product; the first of equal ones.
 pub(super) fn least(queries: &Table, keys: &Table) -> Vec<(f32, u32)> {
-    assert_eq!(queries.depth, keys.depth, "queries and keys of one length");
-    let depth = keys.depth;
-    let blocks = keys.rows().div_ceil(BLOCK);
-    let mut packed = vec![0.0f32; blocks * depth * BLOCK];
-    packed.par_chunks_mut(depth * BLOCK).enumerate().for_each(|(block, out)| {
-        for lane in 0..BLOCK {
-            // The last key fills the last block.
-            let key = (block * BLOCK + lane).min(keys.rows() - 1);
-            for (d, v) in keys.values[key * depth..(key + 1) * depth].iter().enumerate() {
-                out[d * BLOCK + lane] = *v;
-            }
-        }
-    });
-    let arch = Arch::new();
-    let chunks: Vec<Vec<(f32, u32)>> = queries
-        .values
-        .par_chunks(CHUNK * depth)
-        .map(|rows| {
-            let count = rows.len() / depth;
-            // Whole tiles: the last query fills the last one.
-            let mut padded = rows.to_vec();
-            while !(padded.len() / depth).is_multiple_of(TILE_32) {
-                padded.extend_from_slice(&rows[rows.len() - depth..]);
-            }
-            let lanes = padded.len() / depth * BLOCK;
-            let mut found = Found { cost: vec![f32::INFINITY; lanes], block: vec![0; lanes] };
-            arch.dispatch(Search { queries: &padded, keys: &packed, depth, found: &mut found });
-            let best = |q: usize| {
-                let lanes = q * BLOCK..(q + 1) * BLOCK;
-                let each = found.cost[lanes.clone()].iter().zip(&found.block[lanes]).enumerate();
-                let each = each.map(|(lane, (cost, block))| (*cost, block * BLOCK as u32 + lane as u32));
-                let first = each.reduce(|a, b| if (b.0, b.1) < (a.0, a.1) { b } else { a });
-                let (cost, key) = first.unwrap_or((f32::INFINITY, 0));
-                (cost, key.min(keys.rows() as u32 - 1))
-            };
-            (0..count).map(best).collect()
-        })
-        .collect();
+    let packed = Packed::new(keys);
+    let chunks: Vec<Vec<(f32, u32)>> =
+        queries.values.par_chunks(CHUNK * queries.depth).map(|rows| packed.least(rows)).collect();
     chunks.concat()
+}
+
+/// Keys as the search reads them.
+pub(super) struct Packed {
+    /// (blocks, depth, [`BLOCK`])
+    values: Vec<f32>,
+    depth: usize,
+    rows: usize,
+}
+
+impl Packed {
+    /// Packs at least one key.
+    pub(super) fn new(keys: &Table) -> Self {
+        let (depth, rows) = (keys.depth, keys.rows());
+        let mut values = vec![0.0f32; rows.div_ceil(BLOCK) * depth * BLOCK];
+        values.par_chunks_mut(depth * BLOCK).enumerate().for_each(|(block, out)| {
+            for lane in 0..BLOCK {
+                // The last key fills the last block.
+                let key = (block * BLOCK + lane).min(rows - 1);
+                for (d, v) in keys.values[key * depth..(key + 1) * depth].iter().enumerate() {
+                    out[d * BLOCK + lane] = *v;
+                }
+            }
+        });
+        Self { values, depth, rows }
+    }
+
+    /// [`least`] of a few queries, (queries, depth), on one thread.
+    pub(super) fn least(&self, queries: &[f32]) -> Vec<(f32, u32)> {
+        assert!(queries.len().is_multiple_of(self.depth), "queries and keys of one length");
+        let (depth, count) = (self.depth, queries.len() / self.depth);
+        if count == 0 {
+            return Vec::new();
+        }
+        // Whole tiles: the last query fills the last one.
+        let mut padded = queries.to_vec();
+        while !(padded.len() / depth).is_multiple_of(TILE_32) {
+            padded.extend_from_slice(&queries[queries.len() - depth..]);
+        }
+        let lanes = padded.len() / depth * BLOCK;
+        let mut found = Found { cost: vec![f32::INFINITY; lanes], block: vec![0; lanes] };
+        Arch::new().dispatch(Search { queries: &padded, keys: &self.values, depth, found: &mut found });
+        let best = |q: usize| {
+            let lanes = q * BLOCK..(q + 1) * BLOCK;
+            let each = found.cost[lanes.clone()].iter().zip(&found.block[lanes]).enumerate();
+            let each = each.map(|(lane, (cost, block))| (*cost, block * BLOCK as u32 + lane as u32));
+            let first = each.reduce(|a, b| if (b.0, b.1) < (a.0, a.1) { b } else { a });
+            let (cost, key) = first.unwrap_or((f32::INFINITY, 0));
+            (cost, key.min(self.rows as u32 - 1))
+        };
+        (0..count).map(best).collect()
+    }
 }
 
 /// The best of every lane: (queries, [`BLOCK`]).

@@ -1,5 +1,6 @@
 //! Coarse to fine: at every scale each patch of the map becomes the exemplar's most fitting one.
 
+use super::clusters::Clusters;
 use super::patches::{Layers, SIDE, Units, Waves, as_keys};
 use super::search::least;
 use crate::error::{Error, Result};
@@ -21,13 +22,13 @@ const CENTRE: f32 = 1.5;
 /// A copied patch is at most so much stronger or weaker than in the exemplar.
 const MOST_STRETCH: f32 = 2.5;
 /// Queries that say which keys are wanted.
-const ASKED: usize = 4096;
+const ASKED: usize = 512;
 /// Queries that are searched at once: bounded memory for maps of any size.
 const BAND: usize = 1 << 16;
 /// Side of the exemplar's tiles that a draw leaves out or not, cells of a scale.
 const TILE: usize = 16;
-/// Pairs of patches that are searched at most: some minutes.
-const MOST_PAIRS: usize = 1 << 38;
+/// Cells of the largest map.
+const MOST_CELLS: usize = 1 << 25;
 
 /// The exemplar twice: as a coarse map shows it, and as it is.
 pub(super) struct Pair {
@@ -49,13 +50,13 @@ pub(super) struct Asked<'a> {
 }
 
 /// `map` at `scale`: its sides are those of scale 0 times 3/4 to the power of the scale.
-fn at(map: &Grid<f32>, scale: usize) -> Grid<f32> {
+pub(super) fn at(map: &Grid<f32>, scale: usize) -> Grid<f32> {
     let side = |s: usize| ((s as f64 * FACTOR.powi(scale as i32)).round() as usize).max(SIDE);
     resample(map, side(map.rows()), side(map.cols()))
 }
 
 /// The coarsest scale whose cells are not larger than `size` and at which the smaller of both maps has room for two patches.
-fn first_scale(size: f64, shortest: usize) -> usize {
+pub(super) fn first_scale(size: f64, shortest: usize) -> usize {
     let fits =
         |scale: i32| FACTOR.powi(-scale) <= size && shortest as f64 * FACTOR.powi(scale) >= (2 * SIDE) as f64;
     (1..64).take_while(|scale| fits(*scale)).last().unwrap_or(0) as usize
@@ -65,17 +66,15 @@ fn first_scale(size: f64, shortest: usize) -> usize {
 /// level or tiny maps.
 ///
 /// # Errors
-/// When map and exemplar together are too large for an exact search.
+/// When the map is too large to be searched.
 pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed) -> Result<Option<Grid<f32>>> {
     let shortest = [asked.heights.rows(), asked.heights.cols(), pair.truth.rows(), pair.truth.cols()];
     let shortest = shortest.into_iter().min().unwrap_or(0);
     if shortest < 2 * SIDE {
         return Ok(None);
     }
-    let keys = (pair.truth.len() * TURNS) as f64 * (1.0 - asked.left_out);
-    if asked.heights.len() as f64 * keys > MOST_PAIRS as f64 {
-        let most = MOST_PAIRS as f64 / keys;
-        let allowed = format!("detail from patches searches at most {most:.0} cells with this exemplar");
+    if asked.heights.len() > MOST_CELLS {
+        let allowed = format!("detail from patches searches at most {MOST_CELLS} cells");
         return Err(Error::value("cells of the map", asked.heights.len(), allowed));
     }
     let start = first_scale(asked.size, shortest);
@@ -105,25 +104,27 @@ pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed) -> Result<Opt
 }
 
 /// The exemplar at one scale in its eight symmetries.
-struct Exemplars {
+pub(super) struct Exemplars {
     layers: Vec<Layers>,
-    /// What the smooth map misses.
+    /// What a patch of the layers stands for.
     values: Vec<Grid<f32>>,
 }
 
 impl Exemplars {
+    /// Patches of the smooth map stand for what it misses.
     fn new(pair: &Pair, scale: usize, with_residual: bool, with_marks: bool) -> Self {
         let missing = |scale| combined(&at(&pair.truth, scale), 1.0, &at(&pair.smooth, scale), -1.0);
         let (ground, value) = (at(&pair.smooth, scale), missing(scale));
         let (rows, cols) = ground.shape();
         let before = with_residual.then(|| resample(&missing(scale + 1), rows, cols));
         let marks = pair.marks.as_ref().filter(|_| with_marks).map(|marks| at(marks, scale));
-        let layers = (0..TURNS).map(|turn| Layers {
-            ground: turned(&ground, turn),
-            residual: before.as_ref().map(|map| turned(map, turn)),
-            marks: marks.as_ref().map(|map| turned(map, turn)),
-        });
-        Self { layers: layers.collect(), values: (0..TURNS).map(|turn| turned(&value, turn)).collect() }
+        Self::of(&Layers { ground, residual: before, marks }, &value)
+    }
+
+    /// Patches of `layers` stand for those of `value`.
+    pub(super) fn of(layers: &Layers, value: &Grid<f32>) -> Self {
+        let all = (0..TURNS).map(|turn| layers.turned(turn)).collect();
+        Self { layers: all, values: (0..TURNS).map(|turn| turned(value, turn)).collect() }
     }
 }
 
@@ -140,7 +141,7 @@ pub(super) fn turned(map: &Grid<f32>, turn: usize) -> Grid<f32> {
 }
 
 /// The places of every symmetry that take part in a draw: whole tiles, so that neighbouring patches stay together.
-fn kept(exemplars: &Exemplars, left_out: f64, seed: Seed) -> Vec<Vec<(usize, usize)>> {
+pub(super) fn kept(exemplars: &Exemplars, left_out: f64, seed: Seed) -> Vec<Vec<(usize, usize)>> {
     let mut stream = seed.stream("tiles");
     let mut choose = |left_out: f64| -> Vec<Vec<(usize, usize)>> {
         let places = exemplars.layers.iter().map(|layers| {
@@ -158,7 +159,7 @@ fn kept(exemplars: &Exemplars, left_out: f64, seed: Seed) -> Vec<Vec<(usize, usi
 }
 
 /// The map made of the exemplar's best patches; overlapping ones vote, those near their centre more.
-fn voted(
+pub(super) fn voted(
     map: &Layers,
     exemplars: &Exemplars,
     kept: &[Vec<(usize, usize)>],
@@ -193,7 +194,7 @@ fn voted(
     sorted.sort_by(f32::total_cmp);
     let median = sorted[sorted.len() / 2].max(1e-6);
     let weights: Vec<f32> = distances.iter().map(|d| median / (FREEDOM * median + d)).collect();
-    let keys = as_keys(&keys, &weights);
+    let clusters = Clusters::new(&keys, &weights);
 
     let mut votes = Votes::new(map.ground.shape());
     for band in (0..rows).step_by((BAND / cols).max(1)) {
@@ -201,7 +202,7 @@ fn voted(
         let asked: Vec<(usize, usize)> =
             (band..end).flat_map(|row| (0..cols).map(move |col| (row, col))).collect();
         let (queries, own) = map.table(waves, units, &asked);
-        for ((place, own), (_, key)) in asked.iter().zip(own).zip(least(&queries, &keys)) {
+        for ((place, own), (_, key)) in asked.iter().zip(own).zip(clusters.least(&queries)) {
             let key = key as usize;
             let stretch = (own / contrasts[key]).clamp(MOST_STRETCH.recip(), MOST_STRETCH);
             let (turn, row, col) = places[key];

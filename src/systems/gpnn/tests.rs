@@ -1,5 +1,6 @@
 //! Detail from patches on small ground.
 
+use super::clusters::Clusters;
 use super::patches::{Layers, SIDE, Units, Waves, as_keys};
 use super::search::{Table, least};
 use super::synthesis::turned;
@@ -71,6 +72,51 @@ fn the_search_is_exact() {
     }
     let same = Table { depth: 2, values: [1.0, 2.0].repeat(70) };
     assert!(least(&same, &same).iter().all(|(_, key)| *key == 0), "the first of equal keys");
+}
+
+/// Rows of a search: random numbers that end in their squared norm and 1.
+fn rows(count: usize, depth: usize, seed: Seed) -> Table {
+    let mut stream = seed.stream("rows");
+    let row = |_| {
+        let values: Vec<f32> = (0..depth).map(|_| stream.random::<f32>() - 0.5).collect();
+        let square = values.iter().map(|v| v * v).sum();
+        [values, vec![square, 1.0]].concat()
+    };
+    Table { depth: depth + 2, values: (0..count).flat_map(row).collect() }
+}
+
+#[test]
+fn clusters_find_what_all_keys_have() {
+    for (count, depth) in [(1, 4), (200, 4), (3000, 6)] {
+        let (keys, queries) = (rows(count, depth, Seed(1)), rows(500, depth, Seed(2)));
+        let weights: Vec<f32> = (0..count).map(|i| 1.0 + (i % 3) as f32 * 0.2).collect();
+        let exact = least(&queries, &as_keys(&keys, &weights));
+        let found = Clusters::new(&keys, &weights).least(&queries);
+        let same = exact.iter().zip(&found).filter(|(exact, found)| exact.1 == found.1).count();
+        // A query near the border of its clusters may miss; what it gets is a key's true distance all the same.
+        assert!(same as f64 >= if count < 1000 { 500.0 } else { 450.0 }, "{count} keys: {same} of 500");
+        for (q, (cost, key)) in queries.values.chunks(depth + 2).zip(&found) {
+            let row = &keys.values[*key as usize * (depth + 2)..][..depth];
+            let square: f32 = row.iter().zip(q).map(|(a, b)| (a - b).powi(2)).sum();
+            assert!((weights[*key as usize] * square - cost).abs() < 1e-4);
+        }
+        assert!(exact.iter().zip(&found).all(|(exact, found)| exact.0 <= found.0 + 1e-5));
+    }
+}
+
+#[test]
+fn terrain_from_noise_has_the_forms_of_the_exemplar() {
+    let model = model();
+    let [one, same, other] = [1, 1, 2].map(|seed| model.sample(40, 57, Seed(seed)).unwrap());
+    assert_eq!((one.shape(), &one), ((40, 57), &same));
+    assert_ne!(one, other);
+    let slope = |map: &Grid<f32>| mean_square_slope(map).sqrt();
+    for map in [&one, &other] {
+        let ratio = slope(map) / slope(&model.truth);
+        assert!((0.5..1.6).contains(&ratio), "{ratio}");
+        assert!(map.as_slice().iter().all(|z| (-0.5..1.5).contains(z)));
+    }
+    assert!(model.sample(15, 40, Seed(1)).is_err());
 }
 
 /// Distances of the rows are those of smooth patches in heights, in the units that are given.

@@ -14,7 +14,7 @@ use crate::extract::{self, ExtractionConfig};
 use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::machine;
-use crate::metrics::{psnr, ssim};
+use crate::metrics::{mean_valid_slope, psnr, ssim};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, StrokeKind};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -132,6 +132,9 @@ pub struct StyleInfo {
     pub normalization: Normalization,
     /// Where the style comes from.
     pub exemplar: ExemplarInfo,
+    /// Mean slope of the exemplar, unit heights a cell; absent in styles of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_slope: Option<f64>,
     /// What the training did.
     pub training: TrainingSummary,
     /// Description of the detail model, for whom it concerns; absent without one.
@@ -237,6 +240,7 @@ pub fn learn_with(source: &Source, config: &StyleConfig, seed: Seed, control: Co
         seed,
         normalization,
         exemplar: source.info.clone(),
+        mean_slope: Some(mean_valid_slope(&exemplar.heights, &exemplar.valid)?),
         training,
         detail: None,
     };

@@ -1,9 +1,11 @@
-//! The promises that systems can make, and what models of detail share.
+//! The promises that systems can make, what models of detail share, and random lines around a drawing.
 
 mod calibration;
 mod detail;
+mod random_lines;
 
 pub use detail::{DetailModel, DetailUse, Residual, combined, gain_of, gap};
+pub use random_lines::{Ground, RandomHeights, with_random_lines};
 
 use crate::error::Result;
 use crate::grid::Grid;

@@ -1,0 +1,76 @@
+//! Terrain from noise: the paper's own use of its patches.
+//!
+//! At the coarsest scale random hills become patches of the exemplar in a few rounds; from there on every scale adds what the
+//! exemplar has beyond its next coarser self.
+
+use super::patches::{Layers, Waves};
+use super::synthesis::{Exemplars, at, first_scale, kept, voted};
+use crate::grid::Grid;
+use crate::grid::resample::resample;
+use crate::metrics::mean_square_slope;
+use crate::seed::Seed;
+use crate::systems::task::combined;
+use rand::RngExt;
+use rand_distr::StandardNormal;
+
+/// Rounds at the coarsest scale (10 in the paper's code).
+const ROUNDS: usize = 10;
+/// Cells of the coarsest scale from one random height to the next: hills about as large as a patch.
+const HILLS: usize = 4;
+/// Share of the exemplar's tiles that a draw leaves out.
+const LEFT_OUT: f64 = 0.5;
+
+/// Terrain of the kind of `truth`, in its unit. (rows, cols), at least 16 each.
+pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) -> Grid<f32> {
+    let shortest = [truth.rows() / 2, truth.cols() / 2, rows, cols].into_iter().min().unwrap_or(0);
+    let start = first_scale(f64::INFINITY, shortest);
+    // The shape that a map has at a scale.
+    let canvas = Grid::filled(rows, cols, 0.0f32);
+    let waves = Waves::new();
+    let draw = |map: &Layers, exemplars: &Exemplars, slope: f32, seed: Seed| {
+        voted(map, exemplars, &kept(exemplars, LEFT_OUT, seed), &waves, slope)
+    };
+    let slope = |map: &Grid<f32>| mean_square_slope(map).sqrt() as f32;
+
+    let coarse = at(truth, start);
+    let (mean, spread) = moments(&coarse);
+    let level = coarse.map(|z| z - mean);
+    let both = |map: Grid<f32>| Layers { residual: Some(map.clone()), ground: map, marks: None };
+    let exemplars = Exemplars::of(&both(level.clone()), &level);
+    let shape = at(&canvas, start).shape();
+    let mut map = hills(shape, spread, seed);
+    for round in 0..ROUNDS {
+        map = draw(&both(map), &exemplars, slope(&level), seed.derive_indexed("round", round));
+    }
+    let mut map = map.map(|z| z + mean);
+    for scale in (0..start).rev() {
+        let fine = at(truth, scale);
+        let smooth = resample(&at(truth, scale + 1), fine.rows(), fine.cols());
+        let value = combined(&fine, 1.0, &smooth, -1.0);
+        let exemplars =
+            Exemplars::of(&Layers { ground: smooth.clone(), residual: None, marks: None }, &value);
+        let (r, c) = at(&canvas, scale).shape();
+        let layers = Layers { ground: resample(&map, r, c), residual: None, marks: None };
+        let added = draw(&layers, &exemplars, slope(&smooth), seed.derive_indexed("scale", scale));
+        map = combined(&layers.ground, 1.0, &added, 1.0);
+    }
+    map
+}
+
+/// Random hills around zero.
+fn hills((rows, cols): (usize, usize), spread: f32, seed: Seed) -> Grid<f32> {
+    let mut stream = seed.stream("hills");
+    let (few_rows, few_cols) = ((rows / HILLS).max(2), (cols / HILLS).max(2));
+    let noise = Grid::from_fn(few_rows, few_cols, |_| stream.sample::<f32, _>(StandardNormal));
+    let map = resample(&noise, rows, cols);
+    let (mean, own) = moments(&map);
+    map.map(|z| (z - mean) * spread / own.max(f32::MIN_POSITIVE))
+}
+
+/// Mean and standard deviation.
+fn moments(map: &Grid<f32>) -> (f32, f32) {
+    let count = map.len() as f64;
+    let mean = map.as_slice().iter().map(|z| f64::from(*z)).sum::<f64>() / count;
+    let square = map.as_slice().iter().map(|z| (f64::from(*z) - mean).powi(2)).sum::<f64>() / count;
+    (mean as f32, square.sqrt() as f32)
+}
