@@ -239,6 +239,11 @@ fn patches_are_detail_that_needs_no_training() {
     };
     let with = make("p.safetensors", "a.tif", &[]);
     assert_eq!(with, make("q.safetensors", "b.tif", &["--threads", "1"]));
+    // A training that was stopped between both goes on with the detail.
+    done(at, &[&take[..], &["-o", "r.safetensors", "--no-detail", "-q"]].concat());
+    let resumed = done(at, &[&take[..], &["-o", "r.safetensors", "--resume"]].concat()).out;
+    assert!(resumed.contains("detail: patches") && !resumed.contains("from the start"), "{resumed}");
+    assert_eq!(with, make("r.safetensors", "r.tif", &[]));
     let without = make("s.safetensors", "c.tif", &[]);
     assert_eq!(without, make("p.safetensors", "d.tif", &["--no-detail"]));
     assert_ne!(with, without);
