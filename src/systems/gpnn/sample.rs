@@ -17,6 +17,8 @@ use rand_distr::StandardNormal;
 const ROUNDS: usize = 10;
 /// Cells of the coarsest scale from one random height to the next: hills about as large as a patch.
 const HILLS: usize = 4;
+/// What votes have averaged away is given back at most so many times.
+const STRONGEST: f32 = 3.0;
 /// Share of the exemplar's tiles that a draw leaves out.
 const LEFT_OUT: f64 = 0.5;
 
@@ -40,7 +42,8 @@ pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) ->
     let shape = at(&canvas, start).shape();
     let mut map = hills(shape, spread, seed);
     for round in 0..ROUNDS {
-        map = draw(&both(map), &exemplars, slope(&level), seed.derive_indexed("round", round));
+        let drawn = draw(&both(map), &exemplars, slope(&level), seed.derive_indexed("round", round));
+        map = as_strong(drawn, &level);
     }
     let mut map = map.map(|z| z + mean);
     for scale in (0..start).rev() {
@@ -52,9 +55,16 @@ pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) ->
         let (r, c) = at(&canvas, scale).shape();
         let layers = Layers { ground: resample(&map, r, c), residual: None, marks: None };
         let added = draw(&layers, &exemplars, slope(&smooth), seed.derive_indexed("scale", scale));
-        map = combined(&layers.ground, 1.0, &added, 1.0);
+        map = combined(&layers.ground, 1.0, &as_strong(added, &value), 1.0);
     }
     map
+}
+
+/// `map` with the standard deviation of `like`: overlapping patches that disagree have averaged forms away.
+fn as_strong(map: Grid<f32>, like: &Grid<f32>) -> Grid<f32> {
+    let ratio = moments(like).1 / moments(&map).1.max(f32::MIN_POSITIVE);
+    let gain = ratio.min(STRONGEST);
+    map.map(|z| gain * z)
 }
 
 /// Random hills around zero.
