@@ -3,6 +3,7 @@
 
 use super::patches::as_keys;
 use super::search::{Packed, Table, least};
+use pulp::Arch;
 use rayon::prelude::*;
 
 /// Keys of a cluster, in the mean.
@@ -41,9 +42,11 @@ impl Clusters {
         let filled: Vec<u32> =
             (0u32..).zip(&members).filter(|(_, m)| !m.is_empty()).map(|(c, _)| c).collect();
         let centres = as_keys(&centres.pick(&filled), &vec![1.0; filled.len()]);
-        let keys = as_keys(rows, weights);
         let members: Vec<Vec<u32>> = members.into_iter().filter(|m| !m.is_empty()).collect();
-        let cluster = |numbers: Vec<u32>| Cluster { keys: Packed::new(&keys.pick(&numbers)), numbers };
+        let cluster = |numbers: Vec<u32>| {
+            let weights: Vec<f32> = numbers.iter().map(|row| weights[*row as usize]).collect();
+            Cluster { keys: Packed::new(&as_keys(&rows.pick(&numbers), &weights)), numbers }
+        };
         let mut across = vec![0.0; centres.values.len()];
         for (c, centre) in centres.values.chunks(rows.depth).enumerate() {
             for (d, v) in centre.iter().enumerate() {
@@ -88,11 +91,17 @@ impl Clusters {
         let each = PROBES.min(count);
         let mut probes = Vec::with_capacity(queries.len() / self.depth * each);
         let (mut costs, mut order) = (vec![0.0f32; count], Vec::with_capacity(count));
+        let arch = Arch::new();
         for query in queries.chunks(self.depth) {
-            costs.fill(0.0);
-            for (value, centres) in query.iter().zip(self.centres.chunks(count)) {
-                costs.iter_mut().zip(centres).for_each(|(cost, centre)| *cost += value * centre);
-            }
+            arch.dispatch(
+                #[inline(always)]
+                || {
+                    costs.fill(0.0);
+                    for (value, centres) in query.iter().zip(self.centres.chunks(count)) {
+                        costs.iter_mut().zip(centres).for_each(|(cost, centre)| *cost += value * centre);
+                    }
+                },
+            );
             order.clear();
             order.extend(0..count as u32);
             let nearer = |a: &u32, b: &u32| costs[*a as usize].total_cmp(&costs[*b as usize]).then(a.cmp(b));

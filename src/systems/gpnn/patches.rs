@@ -7,6 +7,7 @@
 use super::search::Table;
 use super::synthesis::turned;
 use crate::grid::Grid;
+use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -62,6 +63,7 @@ impl Waves {
     }
 
     /// The waves of the patch whose north-west cell is (`row`, `col`), times `weight`.
+    #[inline(always)]
     fn of(&self, map: &Grid<f32>, row: usize, col: usize, weight: f32) -> [f32; WAVES] {
         let (cols, z) = (map.cols(), map.as_slice());
         // Without the first height: on top of a mountain the sums would round the forms away.
@@ -139,7 +141,14 @@ impl Layers {
             (out[depth - 2], out[depth - 1]) = (square, 1.0);
             contrast
         };
-        let contrasts = values.par_chunks_mut(depth).zip(places).map(fill).collect();
+        let arch = Arch::new();
+        let wide = |row| {
+            arch.dispatch(
+                #[inline(always)]
+                || fill(row),
+            )
+        };
+        let contrasts = values.par_chunks_mut(depth).zip(places).map(wide).collect();
         (Table { depth, values }, contrasts)
     }
 }
