@@ -8,7 +8,7 @@ use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
 use crate::grid::{Cell, Grid};
 use crate::systems::gpnn;
 use crate::systems::pipeline::{
-    StyleDetail, continues, detail_of, learn_detail, take_patches, unseen_surface,
+    StyleDetail, continues, detail_of, has_unseen, learn_detail, take_patches, unseen_surface,
 };
 use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
@@ -45,9 +45,9 @@ lines leave open. The style is written after the first and again after the secon
 
 Detail is the exemplar's own patches (GPNN). Only their strength is measured: two coarse models, one a half of the exemplar, show
 what is left open in terrain that they have not seen. With --detail-model generators, or with a setting of theirs, a SinGAN is
-trained instead: minutes, and terrain with a little less of the exemplar's statistics, but faster on large maps. Exemplars of more
-than 65,536 cells get generators too. With --preset paper, which is there to compare coarse models, there
-is detail only when one of these options asks for it.
+trained instead: minutes, for detail with a little less of the exemplar's statistics. Exemplars of more than 65,536 cells get
+generators too. With --preset paper, which is there to compare coarse models, there is detail only when one of these options asks
+for it.
 
 A --budget is for everything. With patches the coarse model gets six tenths of it. With generators it gets half, up to 30 s,
 and at least three tenths.
@@ -150,23 +150,29 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,
     };
-    let patches = match args.detail_model {
-        Some(model) => model == DetailModelName::Patches,
-        None => !asked && gpnn::check_shape(rows, cols).is_ok(),
-    };
-    // Only generators are trained.
-    let with_generators = with_detail && !patches;
-    if with_detail && patches {
+    let model = with_detail.then(|| match args.detail_model {
+        Some(model) => model,
+        None if !asked && gpnn::check_shape(rows, cols).is_ok() => DetailModelName::Patches,
+        None => DetailModelName::Generators,
+    });
+    if model == Some(DetailModelName::Patches) {
         gpnn::check_shape(rows, cols)?;
     }
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
     let [coarse_file, detail_file] =
         ["checkpoint", "detail-checkpoint"].map(|kind| checkpoint_path(&args.output, kind));
     let interrupted = [&coarse_file, &detail_file].into_iter().find(|file| file.exists());
+    let fits = |style: &Style| {
+        let mut wanted = config.clone();
+        if args.budget.is_some() {
+            // The clock decides their number.
+            wanted.model.epochs = style.info.config.model.epochs;
+        }
+        continues(style, &source, &wanted, context.seed)
+    };
     // The coarse model is done when its checkpoint is gone, and it is in the output.
-    let is_begun = |style: &Style| continues(style, &source, Some(&config), context.seed).is_ok();
     let begun = (args.resume && interrupted.is_none() && args.output.exists())
-        .then(|| Style::load(&args.output).ok().filter(is_begun))
+        .then(|| Style::load(&args.output).ok().filter(|style| fits(style).is_ok()))
         .flatten();
     match interrupted {
         None if args.resume && begun.is_none() => {
@@ -179,16 +185,8 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         }
         _ => {}
     }
-    let share = |share: f64| args.budget.map(|all| all.mul_f64(share));
-    let (coarse_budget, unseen_budget, detail_budget) = if with_generators {
-        let detail = args.budget.map(|all| all - coarse_share(all));
-        let unseen = detail.map(|detail| detail.mul_f64(UNSEEN_SHARE));
-        (args.budget.map(coarse_share), unseen, detail.zip(unseen).map(|(all, unseen)| all - unseen))
-    } else if with_detail {
-        (share(PATCHES_COARSE_SHARE), share(PATCHES_COARSE_SHARE / 2.0), None)
-    } else {
-        (args.budget, None, None)
-    };
+    let [coarse_budget, unseen_budget, detail_budget] =
+        args.budget.map_or([None; 3], |all| budgets(all, model, has_unseen(&config, rows, cols)).map(Some));
     let bounds = |path: &Path, budget: Option<Duration>| Bounds {
         budget,
         checkpoints: Some(Checkpoints {
@@ -199,17 +197,16 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     let mut style = if let Some(path) = &args.coarse {
         let style = Style::load(path)?;
-        continues(&style, &source, Some(&config), context.seed).map_err(|e| e.in_file(path))?;
+        fits(&style).map_err(|e| e.in_file(path))?;
         style
     } else if let Some(style) = begun {
         style
-    } else if args.resume && detail_file.exists() && with_generators {
+    } else if args.resume && detail_file.exists() && model == Some(DetailModelName::Generators) {
         let style = Style::load(&args.output)?;
-        let config = args.budget.is_none().then_some(&config);
-        continues(&style, &source, config, context.seed).map_err(|e| e.in_file(&args.output))?;
+        fits(&style).map_err(|e| e.in_file(&args.output))?;
         style
     } else {
-        let label = if with_detail { "training the coarse model" } else { "training" };
+        let label = if model.is_some() { "training the coarse model" } else { "training" };
         let bounds = bounds(&coarse_file, coarse_budget);
         let trained = train_with_progress(&source, &config, context, label, bounds);
         told_of_divergence(&trained, &coarse_file, "model", context);
@@ -218,21 +215,22 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         remove(&coarse_file)?;
         style
     };
-    if with_detail {
-        if !patches && !asked && args.detail_model.is_none() {
+    if let Some(model) = model {
+        if model == DetailModelName::Generators && !asked && args.detail_model.is_none() {
             let text =
                 format!("{rows}x{cols} cells are not searched for patches: detail comes from generators");
             context.console.line(text);
         }
         let unseen = unseen_with_progress(&style, &source, unseen_budget, context)?;
-        if patches {
-            take_patches(&mut style, &source, unseen.as_ref(), context.seed)?;
-        } else {
-            let bounds = bounds(&detail_file, detail_budget);
-            let learned =
-                detail_with_progress(&mut style, &source, unseen.as_ref(), &detail, context, bounds);
-            told_of_divergence(&learned, &detail_file, "detail", context);
-            learned?;
+        match model {
+            DetailModelName::Patches => take_patches(&mut style, &source, unseen.as_ref(), context.seed)?,
+            DetailModelName::Generators => {
+                let bounds = bounds(&detail_file, detail_budget);
+                let learned =
+                    detail_with_progress(&mut style, &source, unseen.as_ref(), &detail, context, bounds);
+                told_of_divergence(&learned, &detail_file, "detail", context);
+                learned?;
+            }
         }
         style.save(&args.output)?;
         remove(&detail_file)?;
@@ -240,7 +238,25 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     report(&style, &args.output, context)
 }
 
-/// What the coarse model gets of a budget for both.
+/// What coarse model, unseen terrain and generators get of a budget.
+fn budgets(all: Duration, detail: Option<DetailModelName>, unseen: bool) -> [Duration; 3] {
+    let none = Duration::ZERO;
+    match detail {
+        None => [all, none, none],
+        Some(DetailModelName::Patches) => {
+            let (coarse, halves) =
+                (all.mul_f64(PATCHES_COARSE_SHARE), all.mul_f64(0.5 * PATCHES_COARSE_SHARE));
+            if unseen { [coarse, halves, none] } else { [coarse + halves, none, none] }
+        }
+        Some(DetailModelName::Generators) => {
+            let coarse = coarse_share(all);
+            let halves = if unseen { (all - coarse).mul_f64(UNSEEN_SHARE) } else { none };
+            [coarse, halves, all - coarse - halves]
+        }
+    }
+}
+
+/// What the coarse model gets of a budget before generators.
 fn coarse_share(all: Duration) -> Duration {
     let seconds = all.as_secs_f64();
     Duration::from_secs_f64((COARSE_SHARE * seconds).max((0.5 * seconds).min(COARSE_SECONDS)))
@@ -453,6 +469,17 @@ mod tests {
         let share = |seconds: u64| coarse_share(Duration::from_secs(seconds)).as_secs_f64();
         assert_eq!([20, 60, 100].map(share), [10.0, 30.0, 30.0]);
         assert!((share(300) - 90.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_budget_is_shared_without_a_rest_for_steps_that_are_not_taken() {
+        let minute = Duration::from_secs(60);
+        let shares = |detail, unseen| budgets(minute, detail, unseen).map(|part| part.as_secs_f64());
+        assert_eq!(shares(None, true), [60.0, 0.0, 0.0]);
+        assert_eq!(shares(Some(DetailModelName::Patches), true), [36.0, 18.0, 0.0]);
+        assert_eq!(shares(Some(DetailModelName::Patches), false), [54.0, 0.0, 0.0]);
+        assert_eq!(shares(Some(DetailModelName::Generators), true), [30.0, 4.5, 25.5]);
+        assert_eq!(shares(Some(DetailModelName::Generators), false), [30.0, 0.0, 30.0]);
     }
 
     #[test]

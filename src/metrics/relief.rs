@@ -18,7 +18,7 @@ pub fn mean_slope_ratio(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> 
     Ok(mean(&slopes(output, valid)) / positive_mean("mean slope of the truth", &truth)?)
 }
 
-/// Mean slope of the valid cells, heights a cell.
+/// Mean slope of the valid cells, in the unit of the terrain a cell.
 ///
 /// # Errors
 /// When there is no slope.

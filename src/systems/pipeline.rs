@@ -78,6 +78,19 @@ fn put(style: &mut Style, info: serde_json::Result<Value>, tensors: Vec<(String,
     Ok(())
 }
 
+/// The lines of an exemplar in `count` variants of the extraction, those with lines: at least one.
+fn drawn(style: &Style, source: &Source, count: usize, seed: Seed) -> Result<Vec<LineMap>> {
+    let heights = style.info.normalization.normalize(&source.dem);
+    let config = &style.info.config.extraction;
+    let mut variants = extract::variants(&heights, source.dem.valid(), config, count, seed)?;
+    variants.retain(|lines| lines.line_count() > 0);
+    if variants.is_empty() {
+        let allowed = "detail is learned beside the exemplar's lines";
+        return Err(Error::value("number of line cells", 0, allowed));
+    }
+    Ok(variants)
+}
+
 /// An exemplar and its coarse twins.
 struct Twins {
     /// Unit interval, voids filled.
@@ -89,19 +102,9 @@ struct Twins {
 impl Twins {
     /// The twins in `count` variants of the extraction.
     fn of(style: &Style, source: &Source, count: usize, seed: Seed) -> Result<Self> {
-        let heights = style.info.normalization.normalize(&source.dem);
-        let valid = source.dem.valid();
-        let variants = extract::variants(&heights, valid, &style.info.config.extraction, count, seed)?;
-        let with_lines = variants.into_iter().filter(|lines| lines.line_count() > 0);
-        let twins: Vec<_> =
-            with_lines.map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
-        if twins.is_empty() {
-            return Err(Error::value(
-                "number of line cells",
-                0,
-                "detail is learned beside the exemplar's lines",
-            ));
-        }
+        let variants = drawn(style, source, count, seed)?.into_iter();
+        let twins = variants.map(|lines| Ok((natural_surface(&lines)?, lines))).collect::<Result<_>>()?;
+        let (heights, valid) = (style.info.normalization.normalize(&source.dem), source.dem.valid());
         let truth = if valid.as_slice().contains(&false) {
             harmonic(valid, &heights.map(|z| f64::from(*z)))?.map(|z| *z as f32)
         } else {
@@ -111,12 +114,12 @@ impl Twins {
     }
 }
 
-/// Whether `style` is what a training of `source` with this seed (and this configuration) has made, so that its detail can be
+/// Whether `style` is what a training of `source` with this seed and configuration has made, so that its detail can be
 /// learned in a later run.
 ///
 /// # Errors
 /// Says what differs.
-pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, seed: Seed) -> Result<()> {
+pub fn continues(style: &Style, source: &Source, config: &StyleConfig, seed: Seed) -> Result<()> {
     let allowed = "to resume, or to take its coarse model, exemplar, seed and configuration must be the same";
     if style.info.exemplar.sha256 != source.info.sha256 {
         return Err(Error::value("exemplar of the style", &style.info.exemplar.name, allowed));
@@ -124,10 +127,16 @@ pub fn continues(style: &Style, source: &Source, config: Option<&StyleConfig>, s
     if style.info.seed != seed {
         return Err(Error::value("seed of the style", style.info.seed.0, allowed));
     }
-    if config.is_some_and(|config| *config != style.info.config) {
+    if *config != style.info.config {
         return Err(Error::value("configuration of the style", "another one", allowed));
     }
     Ok(())
+}
+
+/// Whether [`unseen_surface`] is asked of a style of this configuration with an exemplar of `rows` x `cols` cells.
+#[must_use]
+pub fn has_unseen(config: &StyleConfig, rows: usize, cols: usize) -> bool {
+    needs_correction(&config.model) && rows.min(cols / 2) >= SMALLEST_HALF
 }
 
 /// What a coarse model like the style's makes of the exemplar's lines where it has not seen the exemplar, in the unit interval:
@@ -145,11 +154,11 @@ pub fn unseen_surface(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Option<Grid<f32>>> {
     let (rows, cols) = source.dem.shape();
-    let middle = cols / 2;
-    if !needs_correction(&style.info.config.model) || rows.min(middle) < SMALLEST_HALF {
+    if !has_unseen(&style.info.config, rows, cols) {
         return Ok(None);
     }
-    let lines = Twins::of(style, source, 1, seed)?.twins.swap_remove(0).1;
+    let middle = cols / 2;
+    let lines = drawn(style, source, 1, seed)?.swap_remove(0);
     let seed = seed.derive("held out");
     let mut config = style.info.config.clone();
     config.model.epochs = (config.model.epochs / 2).max(1);
@@ -205,13 +214,11 @@ impl StyleDetail {
             Self::Patches(detail) => detail,
         }
     }
-}
 
-impl StyleDetail {
     /// Terrain of the exemplar's kind from noise alone. (rows, cols), in the exemplar's unit interval (which it may leave).
     ///
     /// # Errors
-    /// When a side is smaller than 16 cells.
+    /// When a side is smaller than 16 cells, or there are more cells than the model can make.
     pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
         match self {
             Self::Generators(detail) => detail.sample(rows, cols, seed),

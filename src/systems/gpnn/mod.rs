@@ -3,7 +3,8 @@
 //! Granot, Feinstein, Shocher, Bagon, Irani: *Drop the GAN: In Defense of Patches Nearest Neighbors as Single Image Generative
 //! Models*, CVPR 2022. The exemplar is there twice: as lines show it (the natural-neighbour surface through its own lines), and
 //! as it is. Patches of a map are compared with the first and get the difference of both; [`PatchDetail`] is the exemplar,
-//! `synthesis` goes from coarse to fine, `patches` says what is compared, `search` finds the best.
+//! `synthesis` goes from coarse to fine, and `sample` does so from noise; `patches` says what is compared, `search` finds the best,
+//! `clusters` those that are worth a search.
 
 mod clusters;
 mod patches;
@@ -27,7 +28,7 @@ use synthesis::{Asked, Pair};
 
 /// Smallest side of an exemplar, cells.
 const SMALLEST: usize = 32;
-/// Largest number of its cells: two seconds of search become minutes.
+/// Largest number of its cells: time and memory of a search grow with them.
 const LARGEST: usize = 256 * 256;
 /// Smallest side of a map from noise, cells.
 const SMALLEST_SAMPLE: usize = 16;
@@ -179,12 +180,13 @@ impl PatchDetail {
     /// it may leave).
     ///
     /// # Errors
-    /// When a side is smaller than 16 cells.
+    /// When a side is smaller than 16 cells, or there are more than 2^25.
     pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
         if rows.min(cols) < SMALLEST_SAMPLE {
             let allowed = format!("allowed: at least {SMALLEST_SAMPLE}x{SMALLEST_SAMPLE}");
             return Err(Error::value("size to sample", format!("{rows}x{cols}"), allowed));
         }
+        synthesis::check_cells((rows, cols))?;
         Ok(sample::sample(&self.truth, rows, cols, seed))
     }
 

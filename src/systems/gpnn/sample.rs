@@ -4,7 +4,7 @@
 //! exemplar has beyond its next coarser self.
 
 use super::patches::{Layers, Waves};
-use super::synthesis::{Exemplars, at, first_scale, kept, voted};
+use super::synthesis::{Exemplars, at, first_scale, kept, shape_at, voted};
 use crate::grid::Grid;
 use crate::grid::resample::resample;
 use crate::metrics::mean_square_slope;
@@ -26,8 +26,6 @@ const LEFT_OUT: f64 = 0.5;
 pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) -> Grid<f32> {
     let shortest = [truth.rows() / 2, truth.cols() / 2, rows, cols].into_iter().min().unwrap_or(0);
     let start = first_scale(f64::INFINITY, shortest);
-    // The shape that a map has at a scale.
-    let canvas = Grid::filled(rows, cols, 0.0f32);
     let waves = Waves::new();
     let draw = |map: &Layers, exemplars: &Exemplars, slope: f32, seed: Seed| {
         voted(map, exemplars, &kept(exemplars, LEFT_OUT, seed), &waves, slope)
@@ -39,8 +37,7 @@ pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) ->
     let level = coarse.map(|z| z - mean);
     let both = |map: Grid<f32>| Layers { residual: Some(map.clone()), ground: map, marks: None };
     let exemplars = Exemplars::of(&both(level.clone()), &level);
-    let shape = at(&canvas, start).shape();
-    let mut map = hills(shape, spread, seed);
+    let mut map = hills(shape_at((rows, cols), start), spread, seed);
     for round in 0..ROUNDS {
         let drawn = draw(&both(map), &exemplars, slope(&level), seed.derive_indexed("round", round));
         map = as_strong(drawn, &level);
@@ -52,7 +49,7 @@ pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) ->
         let value = combined(&fine, 1.0, &smooth, -1.0);
         let exemplars =
             Exemplars::of(&Layers { ground: smooth.clone(), residual: None, marks: None }, &value);
-        let (r, c) = at(&canvas, scale).shape();
+        let (r, c) = shape_at((rows, cols), scale);
         let layers = Layers { ground: resample(&map, r, c), residual: None, marks: None };
         let added = draw(&layers, &exemplars, slope(&smooth), seed.derive_indexed("scale", scale));
         map = combined(&layers.ground, 1.0, &as_strong(added, &value), 1.0);

@@ -42,6 +42,7 @@ impl Table {
 
 /// For every query the key with the least product, and that product; the first of equal ones.
 pub(super) fn least(queries: &Table, keys: &Table) -> Vec<(f32, u32)> {
+    assert_eq!(queries.depth, keys.depth, "queries and keys of one length");
     let packed = Packed::new(keys);
     let chunks: Vec<Vec<(f32, u32)>> =
         queries.values.par_chunks(CHUNK * queries.depth).map(|rows| packed.least(rows)).collect();

@@ -49,10 +49,29 @@ pub(super) struct Asked<'a> {
     pub(super) left_out: f64,
 }
 
-/// `map` at `scale`: its sides are those of scale 0 times 3/4 to the power of the scale.
-pub(super) fn at(map: &Grid<f32>, scale: usize) -> Grid<f32> {
+/// (rows, columns) at `scale` of a map that has `shape` at scale 0: times 3/4 to the power of the scale.
+pub(super) fn shape_at((rows, cols): (usize, usize), scale: usize) -> (usize, usize) {
     let side = |s: usize| ((s as f64 * FACTOR.powi(scale as i32)).round() as usize).max(SIDE);
-    resample(map, side(map.rows()), side(map.cols()))
+    (side(rows), side(cols))
+}
+
+/// `map` at `scale`.
+pub(super) fn at(map: &Grid<f32>, scale: usize) -> Grid<f32> {
+    let (rows, cols) = shape_at(map.shape(), scale);
+    resample(map, rows, cols)
+}
+
+/// Whether a map is small enough to be searched for.
+///
+/// # Errors
+/// When it has more than 2^25 cells.
+pub(super) fn check_cells((rows, cols): (usize, usize)) -> Result<()> {
+    let cells = rows.saturating_mul(cols);
+    if cells <= MOST_CELLS {
+        return Ok(());
+    }
+    let allowed = format!("detail from patches searches at most {MOST_CELLS} cells");
+    Err(Error::value("cells of the map", cells, allowed))
 }
 
 /// The coarsest scale whose cells are not larger than `size` and at which the smaller of both maps has room for two patches.
@@ -73,10 +92,7 @@ pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed) -> Result<Opt
     if shortest < 2 * SIDE {
         return Ok(None);
     }
-    if asked.heights.len() > MOST_CELLS {
-        let allowed = format!("detail from patches searches at most {MOST_CELLS} cells");
-        return Err(Error::value("cells of the map", asked.heights.len(), allowed));
-    }
+    check_cells(asked.heights.shape())?;
     let start = first_scale(asked.size, shortest);
     let slope = |map: &Grid<f32>| mean_square_slope(&at(map, start)).sqrt() as f32;
     let (own, exemplar) = (slope(asked.heights), slope(&pair.smooth));

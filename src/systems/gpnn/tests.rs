@@ -117,6 +117,7 @@ fn terrain_from_noise_has_the_forms_of_the_exemplar() {
         assert!(map.as_slice().iter().all(|z| (-0.5..1.5).contains(z)));
     }
     assert!(model.sample(15, 40, Seed(1)).is_err());
+    assert!(model.sample(6000, 6000, Seed(1)).unwrap_err().to_string().contains("at most"));
 }
 
 /// Distances of the rows are those of smooth patches in heights, in the units that are given.
