@@ -136,7 +136,7 @@ pub struct RegionGnnConfig {
     /// Part splits of the same lines that are averaged when terrain is generated.
     pub splits: usize,
     /// How lines are cut into parts (4.1: 5 to 10 cells). Runs shorter than that are kept, so that what a user drew
-    /// counts; the paper drops them.
+    /// counts; the paper drops them. Ours have 2 to 4 cells (`docs/papers/region_gnn.md`).
     pub parts: PartLengths,
     /// Which code moves the messages; no effect on the result beyond rounding.
     pub kernel: Kernel,
@@ -164,7 +164,7 @@ impl Default for RegionGnnConfig {
             losses: LossWeights::default(),
             loss_after_correction: true,
             splits: 3,
-            parts: PartLengths::drawn(),
+            parts: PartLengths { min: 2, max: 4, ..PartLengths::drawn() },
             kernel: Kernel::Fused,
         }
     }
@@ -184,6 +184,7 @@ impl RegionGnnConfig {
             learning_rate: 2e-2,
             loss_after_correction: false,
             splits: 1,
+            parts: PartLengths::drawn(),
             ..Self::default()
         }
     }
