@@ -1,6 +1,6 @@
 //! Cuts one-cell-wide lines into short parts (Liu & Benes 2025, 4.1, "Contour Part Extraction").
 //!
-//! [`LineMap`] -> [`SketchPart`]s of 5 to 10 cells. Per kind, ridges first: each connected line is walked depth-first
+//! [`LineMap`] -> [`SketchPart`]s of 5 to 10 cells, or as many as [`PartLengths`] says. Per kind, ridges first: each connected line is walked depth-first
 //! from an end point, the walk is cut wherever two consecutive cells do not touch, and each run is cut into random
 //! lengths.
 //!
