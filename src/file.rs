@@ -142,6 +142,12 @@ where
     writer.flush().map_err(Error::io(path, "write the file"))
 }
 
+/// Bytes in hexadecimal: how hashes are written.
+#[must_use]
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,6 @@
 //! What the operating system says about this process, its machine and its program.
 
+use crate::file;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 use std::process::Command;
@@ -46,7 +47,7 @@ pub fn program_sha256() -> Option<String> {
     static HASH: OnceLock<Option<String>> = OnceLock::new();
     let hash = || {
         let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
-        Some(Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+        Some(file::hex(&Sha256::digest(bytes)))
     };
     HASH.get_or_init(hash).clone()
 }

@@ -103,7 +103,7 @@ mod tests {
         assert_eq!(manifest().len(), TILES.len());
         for tile in manifest() {
             let (_, bytes) = TILES.iter().find(|(file, _)| *file == tile.file).unwrap();
-            let hash: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+            let hash = crate::file::hex(&Sha256::digest(bytes));
             assert_eq!(hash, tile.sha256, "{}", tile.name);
             let dem = load(&tile.name).unwrap();
             assert_eq!(<[usize; 2]>::from(dem.shape()), tile.shape);

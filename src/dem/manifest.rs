@@ -222,7 +222,7 @@ fn check_name(name: &str) -> Result<()> {
 }
 
 fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+    file::hex(&Sha256::digest(bytes))
 }
 
 #[cfg(test)]

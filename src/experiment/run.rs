@@ -189,7 +189,7 @@ fn hash(config: &StyleConfig, detail: Option<&DetailSpec>, area: &Area, seed: u6
     }
     hasher.update(e.sha256.as_bytes());
     hasher.update(format!("{} {} {:?} {seed}", e.row, e.col, e.cell_size));
-    Ok(hasher.finalize()[..12].iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(file::hex(&hasher.finalize()[..12]))
 }
 
 /// Loads what is trained and trains the rest, `jobs` at a time; in the order of `wanted`, with the number that was trained.

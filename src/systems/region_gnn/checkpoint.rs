@@ -1,19 +1,10 @@
 //! A training that was interrupted, in a file: weights, moments of Adam, what was logged.
 
 use super::train::EpochReport;
-use crate::error::{Error, Result};
-use crate::file;
-use crate::learn::{Adam, ParamStore};
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
+use crate::error::Result;
+use crate::learn::{self, Adam, ParamStore, Progress as _};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
 use std::path::Path;
-
-/// Key of the description in the file's metadata.
-const KEY: &str = "monadnock-training";
-/// Largest file that is read: weights three times over and a log.
-const LARGEST_FILE: u64 = 1 << 30;
 
 /// How far a training has come, its weights apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,27 +70,26 @@ impl Progress {
     }
 }
 
+impl learn::Progress for Progress {
+    const KEY: &'static str = "monadnock-training";
+    const TRAINING: &'static str = "training";
+
+    fn identity(&self) -> &str {
+        &self.identity
+    }
+}
+
 /// Writes the state of a training, all or nothing.
 ///
 /// # Errors
 /// When the file cannot be written.
 pub(super) fn save(path: &Path, progress: &Progress, params: &ParamStore, adam: &Adam) -> Result<()> {
-    let mut tensors = Vec::new();
     let (mean, square) = adam.moments();
-    for (kind, values) in [("weights", params.snapshot()?), ("mean", mean), ("square", square)] {
-        for ((name, _), values) in params.iter().zip(values) {
-            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-            tensors.push((format!("{kind}.{name}"), values.len(), bytes));
-        }
-    }
-    let views = tensors.iter().map(|(name, length, bytes)| {
-        let view = TensorView::new(Dtype::F32, vec![*length], bytes).expect("the length fits the shape");
-        (name.as_str(), view)
+    let kinds = [("weights", params.snapshot()?), ("mean", mean), ("square", square)];
+    let named = kinds.iter().flat_map(|(kind, all)| {
+        params.iter().zip(all).map(move |((name, _), values)| (format!("{kind}.{name}"), &values[..]))
     });
-    let text = serde_json::to_string(progress).expect("progress is plain data");
-    let metadata = HashMap::from([(KEY.to_owned(), text)]);
-    let bytes = safetensors::serialize(views, Some(metadata)).expect("names are unique");
-    file::write_bytes(path, &bytes)
+    progress.save(path, named)
 }
 
 /// Reads the state of a training into parameters and moments.
@@ -107,35 +97,9 @@ pub(super) fn save(path: &Path, progress: &Progress, params: &ParamStore, adam: 
 /// # Errors
 /// When the file is damaged or belongs to another training.
 pub(super) fn load(path: &Path, identity: &str, params: &ParamStore, adam: &mut Adam) -> Result<Progress> {
-    let allowed = "allowed: a checkpoint written by `train`";
-    let damaged = |e: safetensors::SafeTensorError| Error::file(path, "safetensors header", e, allowed);
-    let bytes = file::read_whole(path, LARGEST_FILE)?;
-    let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(damaged)?;
-    let tensors = SafeTensors::deserialize(&bytes).map_err(damaged)?;
-    let Some(text) = metadata.metadata().as_ref().and_then(|m| m.get(KEY)) else {
-        return Err(Error::file(path, "metadata", "without a description", allowed));
-    };
-    let progress: Progress =
-        serde_json::from_str(text).map_err(|e| Error::file(path, format!("metadata {KEY}"), e, allowed))?;
-    if progress.identity != identity {
-        let allowed = "to resume, exemplar, seed and configuration must be those of the interrupted training (the \
-                       learning rate, the epochs and the budget may differ); remove the file to begin anew";
-        return Err(Error::file(path, "training", "another one", allowed));
-    }
-    let read = |kind: &str| -> Result<Vec<Vec<f32>>> {
-        let one = |(name, var): (&str, &candle_core::Var)| {
-            let name = format!("{kind}.{name}");
-            let view = tensors.tensor(&name).map_err(|e| Error::file(path, &name, e, allowed))?;
-            let values: Vec<f32> =
-                view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-            if values.len() != var.elem_count() || values.iter().any(|v| !v.is_finite()) {
-                let found = format!("{} values", values.len());
-                let allowed = format!("allowed: {} finite ones", var.elem_count());
-                return Err(Error::file(path, name, found, allowed));
-            }
-            Ok(values)
-        };
-        params.iter().map(one).collect()
+    let (progress, mut numbers) = <Progress as learn::Progress>::load(path, identity)?;
+    let mut read = |kind: &str| -> Result<Vec<Vec<f32>>> {
+        params.iter().map(|(name, var)| numbers.take(&format!("{kind}.{name}"), var.elem_count())).collect()
     };
     params.restore(&read("weights")?)?;
     adam.restore(progress.epoch, read("mean")?, read("square")?);

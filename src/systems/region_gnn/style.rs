@@ -195,7 +195,7 @@ pub fn fingerprint(dem: &Dem) -> String {
         hasher.update(z.to_le_bytes());
         hasher.update([u8::from(ok)]);
     }
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    file::hex(&hasher.finalize())
 }
 
 /// Learns a style from an exemplar.

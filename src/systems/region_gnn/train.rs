@@ -11,6 +11,7 @@ use super::graph::RegionGraph;
 use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope, smooth};
 use super::network::{Network, Output};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::grid::{Grid, Mask};
 use crate::interpolation::harmonic;
 use crate::learn::{Adam, Checkpoints, Schedule, in_pool};
@@ -359,7 +360,7 @@ fn identity(exemplar: &Exemplar, config: &RegionGnnConfig, seed: Seed) -> String
             hasher.update([kind.map_or(0, |kind| 1 + kind as u8)]);
         }
     }
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    file::hex(&hasher.finalize())
 }
 
 /// The weighted sum of the losses against one exemplar.

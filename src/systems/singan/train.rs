@@ -316,19 +316,20 @@ impl<'a> Room<'a> {
     }
 
     /// Continues from a [`state`](Self::state) that was read.
-    fn restore(&mut self, mut state: checkpoint::State) -> Result<()> {
-        let steps = state.progress.optimizer_steps;
+    fn restore(&mut self, state: checkpoint::State) -> Result<()> {
+        let checkpoint::State { progress, mut numbers, .. } = state;
+        let steps = progress.optimizer_steps;
         for (i, (name, net)) in
             [("generator", &mut self.generator), ("critic", &mut self.critic)].into_iter().enumerate()
         {
             let count = net.values.len();
-            net.values = state.take(&format!("{name}.values"), count)?;
-            let mean = state.take(&format!("{name}.mean"), count)?;
-            self.optimizers[i].restore(steps[i], mean, state.take(&format!("{name}.square"), count)?);
+            net.values = numbers.take(&format!("{name}.values"), count)?;
+            let mean = numbers.take(&format!("{name}.mean"), count)?;
+            self.optimizers[i].restore(steps[i], mean, numbers.take(&format!("{name}.square"), count)?);
             for (l, moments) in net.running.iter_mut().enumerate() {
                 let count = moments.mean.len();
-                moments.mean = state.take(&format!("{name}.running.{l}.mean"), count)?;
-                moments.variance = state.take(&format!("{name}.running.{l}.variance"), count)?;
+                moments.mean = numbers.take(&format!("{name}.running.{l}.mean"), count)?;
+                moments.variance = numbers.take(&format!("{name}.running.{l}.variance"), count)?;
             }
         }
         Ok(())
