@@ -26,7 +26,7 @@ pub struct Checkpoints {
 }
 
 /// How far a training has come, its numbers apart.
-pub trait Progress: Serialize + DeserializeOwned {
+pub trait Resumable: Serialize + DeserializeOwned {
     /// Key of the description in the file's metadata.
     const KEY: &'static str;
     /// What is trained, for messages.
@@ -119,7 +119,7 @@ mod tests {
         done: usize,
     }
 
-    impl Progress for Steps {
+    impl Resumable for Steps {
         const KEY: &'static str = "steps";
         const TRAINING: &'static str = "training of steps";
 

@@ -1,8 +1,8 @@
 //! Cuts one-cell-wide lines into short parts (Liu & Benes 2025, 4.1, "Contour Part Extraction").
 //!
-//! [`LineMap`] -> [`SketchPart`]s of 5 to 10 cells, or as many as [`PartLengths`] says. Per kind, ridges first: each connected line is walked depth-first
-//! from an end point, the walk is cut wherever two consecutive cells do not touch, and each run is cut into random
-//! lengths.
+//! [`LineMap`] -> [`SketchPart`]s of 5 to 10 cells, or as many as [`PartLengths`] says. Per kind, ridges first: each
+//! connected line is walked depth-first from an end point, the walk is cut wherever two consecutive cells do not touch,
+//! and each run is cut into random lengths.
 //!
 //! Departures: (1) the paper drops what is left of a run when it is shorter than the minimum; here the last two pieces
 //! of a run share its cells, so that only runs that are short as a whole are lost; (2) short runs can be kept, because a

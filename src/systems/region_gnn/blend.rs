@@ -7,11 +7,10 @@
 //!
 //! b base, m model, u_j the membrane, the Delaunay planes and the thin plate through the lines; x distance to the nearest line
 //! over its mean in the sketch, r 0 at the frame and 1 inside; c takes a model back that moves much farther than the surfaces
-//! disagree. Ours, not in the paper: a model of one exemplar moves too far
-//! between close lines and not far enough beyond the outermost ones, and where the surfaces differ their differences tell
-//! something that the model does not know. The numbers are least squares, of heights and of slopes, over
-//! patches of three areas that no training saw (`docs/papers/region_gnn.md`), one set for all sketches;
-//! for very thin ones the blend fades (`FADE`). Lines keep their heights, because every surface passes
+//! disagree. Ours, not in the paper: a model of one exemplar moves too far between close lines and not far enough beyond the
+//! outermost ones, and where the surfaces differ their differences tell something that the model does not know. The numbers are
+//! least squares, of heights and of slopes, over patches of three areas that no training saw (`docs/papers/region_gnn.md`), one
+//! set for all sketches; for very thin ones the blend fades (`FADE`). Lines keep their heights, because every surface passes
 //! through them.
 
 use crate::error::Result;

@@ -2,7 +2,7 @@
 
 use super::train::EpochReport;
 use crate::error::Result;
-use crate::learn::{self, Adam, ParamStore, Progress as _};
+use crate::learn::{Adam, ParamStore, Resumable};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -70,7 +70,7 @@ impl Progress {
     }
 }
 
-impl learn::Progress for Progress {
+impl Resumable for Progress {
     const KEY: &'static str = "monadnock-training";
     const TRAINING: &'static str = "training";
 
@@ -97,7 +97,7 @@ pub(super) fn save(path: &Path, progress: &Progress, params: &ParamStore, adam: 
 /// # Errors
 /// When the file is damaged or belongs to another training.
 pub(super) fn load(path: &Path, identity: &str, params: &ParamStore, adam: &mut Adam) -> Result<Progress> {
-    let (progress, mut numbers) = <Progress as learn::Progress>::load(path, identity)?;
+    let (progress, mut numbers) = Progress::load(path, identity)?;
     let mut read = |kind: &str| -> Result<Vec<Vec<f32>>> {
         params.iter().map(|(name, var)| numbers.take(&format!("{kind}.{name}"), var.elem_count())).collect()
     };

@@ -261,6 +261,7 @@ mod tests {
         for preset in [Preset::Anchored, Preset::Paper] {
             RegionGnnConfig::preset(preset).validate().unwrap();
         }
+        assert_eq!(RegionGnnConfig::paper().parts, PartLengths { min: 5, max: 10, keep_short: true });
         let bad = RegionGnnConfig { width: 33, ..Default::default() };
         assert!(bad.validate().unwrap_err().to_string().contains("width is 33"));
         let bad = RegionGnnConfig { extractions: 8, ..RegionGnnConfig::paper() };

@@ -6,7 +6,7 @@ use super::scale::Scale;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::Grid;
-use crate::learn::{self, Numbers, Progress as _};
+use crate::learn::{Numbers, Resumable};
 use crate::seed::Seed;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -31,7 +31,7 @@ pub(super) struct Progress {
     pub(super) optimizer_steps: [usize; 2],
 }
 
-impl learn::Progress for Progress {
+impl Resumable for Progress {
     const KEY: &'static str = "monadnock-detail-training";
     const TRAINING: &'static str = "detail training";
 
@@ -83,7 +83,7 @@ pub(super) fn save(
 /// # Errors
 /// When the file is damaged or belongs to another training.
 pub(super) fn load(path: &Path, identity: &str, config: &DetailConfig) -> Result<State> {
-    let (progress, mut numbers) = <Progress as learn::Progress>::load(path, identity)?;
+    let (progress, mut numbers) = Progress::load(path, identity)?;
     let (steps, finished) = (progress.steps.len(), progress.scales.len());
     if finished != steps {
         let allowed = format!("allowed: {steps}, as many as have their number of steps");
