@@ -52,93 +52,114 @@ pub(super) struct Sums {
 
 /// Sum of every channel over the pixels inside the frame.
 pub(super) fn channel_sums(plane: &Plane) -> Vec<f32> {
-    sums(plane.rows(), plane.channels(), |row, sum| {
-        for pixel in plane.row(row).chunks_exact(plane.channels()) {
+    let channels = plane.channels();
+    let [sums] = sums(plane.rows(), channels, |row, [sum]| {
+        for pixel in plane.row(row).chunks_exact(channels) {
             for (s, v) in sum.iter_mut().zip(pixel) {
                 *s += v;
             }
         }
-    })
+    });
+    sums
 }
 
-/// Sum of the products of two planes, by channel.
-fn product_sums(a: &Plane, b: &Plane) -> Vec<f32> {
-    let channels = a.channels();
-    sums(a.rows(), channels, |row, sum| {
-        for (a, b) in a.row(row).chunks_exact(channels).zip(b.row(row).chunks_exact(channels)) {
-            for ((s, a), b) in sum.iter_mut().zip(a).zip(b) {
-                *s += a * b;
+/// Sums of `u`, and of `u` times `unit`, by channel.
+fn sums_along(unit: &Plane, u: &Plane) -> [Vec<f32>; 2] {
+    let channels = unit.channels();
+    sums(unit.rows(), channels, |row, [sum, product]| {
+        for (x, u) in pixels(unit, row).zip(pixels(u, row)) {
+            for (((s, p), u), x) in sum.iter_mut().zip(product.iter_mut()).zip(u).zip(x) {
+                *s += u;
+                *p += u * x;
             }
         }
     })
 }
 
-/// Sums by channel, in pieces of rows.
-fn sums(rows: usize, channels: usize, add: impl Fn(usize, &mut [f32]) + Sync) -> Vec<f32> {
-    let pieces: Vec<Vec<f32>> = (0..rows.div_ceil(ROWS))
+/// The pixels of a row.
+fn pixels(plane: &Plane, row: usize) -> impl Iterator<Item = &[f32]> {
+    plane.row(row).chunks_exact(plane.channels())
+}
+
+/// `N` sums by channel, in pieces of rows; `add` gets a row and where to add it.
+fn sums<const N: usize>(
+    rows: usize,
+    channels: usize,
+    add: impl Fn(usize, [&mut [f32]; N]) + Sync,
+) -> [Vec<f32>; N] {
+    let zeros = || [(); N].map(|()| vec![0.0; channels]);
+    let pieces: Vec<[Vec<f32>; N]> = (0..rows.div_ceil(ROWS))
         .into_par_iter()
         .map(|piece| {
-            let mut sum = vec![0.0; channels];
-            (piece * ROWS..rows.min((piece + 1) * ROWS)).for_each(|row| add(row, &mut sum));
-            sum
+            let mut sums = zeros();
+            for row in piece * ROWS..rows.min((piece + 1) * ROWS) {
+                add(row, sums.each_mut().map(|sum| &mut sum[..]));
+            }
+            sums
         })
         .collect();
-    let mut total = vec![0.0; channels];
-    for piece in pieces {
-        for (t, p) in total.iter_mut().zip(piece) {
+    let mut total = zeros();
+    for piece in &pieces {
+        for (t, p) in total.iter_mut().flatten().zip(piece.iter().flatten()) {
             *t += p;
         }
     }
     total
 }
 
-/// Calls `change` with every row of `plane` inside its frame.
-fn for_rows(plane: &mut Plane, change: impl Fn(usize, &mut [f32]) + Sync) {
+/// Calls `change` with every row inside the frames of two planes of one size.
+fn for_rows(a: &mut Plane, b: &mut Plane, change: impl Fn(usize, &mut [f32], &mut [f32]) + Sync) {
+    let rows = inner_rows(a).zip(inner_rows(b));
+    rows.enumerate().for_each(|(row, (a, b))| change(row, a, b));
+}
+
+/// The rows inside a plane's frame.
+fn inner_rows(plane: &mut Plane) -> impl IndexedParallelIterator<Item = &mut [f32]> {
     let (border, channels) = (plane.border(), plane.channels());
     let (rows, length) = (plane.rows(), plane.cols() * channels);
     let stride = plane.stored().1 * channels;
     let inside = &mut plane.values_mut()[border * stride..(border + rows) * stride];
-    inside.par_chunks_mut(stride).enumerate().for_each(|(row, values)| {
-        change(row, &mut values[border * channels..border * channels + length]);
-    });
+    inside.par_chunks_mut(stride).map(move |row| &mut row[border * channels..border * channels + length])
 }
 
-/// Takes away the mean and divides by the deviation, channel by channel; gives what was taken away.
-pub(super) fn normalise(z: &mut Plane) -> Moments {
+/// Gains and offsets of a normalised layer, and the leak of its activation.
+#[derive(Clone, Copy)]
+pub(super) struct Activation<'a> {
+    pub(super) gains: &'a [f32],
+    pub(super) offsets: &'a [f32],
+    pub(super) leak: f32,
+}
+
+/// Takes away the mean and divides by the deviation, channel by channel, in place; `out` is the leaky ReLU of gain x unit +
+/// offset. Gives what was taken away.
+pub(super) fn normalise(z: &mut Plane, activation: Activation<'_>, out: &mut Plane) -> Moments {
     let channels = z.channels();
     let count = (z.rows() * z.cols()) as f32;
     let mean: Vec<f32> = channel_sums(z).iter().map(|s| s / count).collect();
-    for_rows(z, |_, row| {
-        for pixel in row.chunks_exact_mut(channels) {
-            for (v, m) in pixel.iter_mut().zip(&mean) {
-                *v -= m;
+    let [squares] = sums(z.rows(), channels, |row, [sum]| {
+        for z in pixels(z, row) {
+            for ((s, z), m) in sum.iter_mut().zip(z).zip(&mean) {
+                *s += (z - m) * (z - m);
             }
         }
     });
-    let variance = product_sums(z, z).iter().map(|s| s / count).collect();
-    let moments = Moments { mean, variance };
+    let moments = Moments { mean, variance: squares.iter().map(|s| s / count).collect() };
     let scales = moments.scales();
-    for_rows(z, |_, row| {
-        for pixel in row.chunks_exact_mut(channels) {
-            for (v, s) in pixel.iter_mut().zip(&scales) {
-                *v *= s;
+    let (mean, scales) = (&moments.mean[..channels], &scales[..channels]);
+    let Activation { gains, offsets, leak } = activation;
+    let (gains, offsets) = (&gains[..channels], &offsets[..channels]);
+    for_rows(z, out, |_, z, out| {
+        for (z, out) in z.chunks_exact_mut(channels).zip(out.chunks_exact_mut(channels)) {
+            let unit = z.iter_mut().zip(mean).zip(scales);
+            for (((z, m), s), (out, (g, b))) in unit.zip(out.iter_mut().zip(gains.iter().zip(offsets))) {
+                *z = (*z - m) * s;
+                // The leak is below 1: the larger of the two.
+                let y = g * *z + b;
+                *out = if y > leak * y { y } else { leak * y };
             }
         }
     });
     moments
-}
-
-/// The leaky ReLU of gain x unit + offset.
-pub(super) fn activate(unit: &Plane, gains: &[f32], offsets: &[f32], leak: f32, out: &mut Plane) {
-    let channels = gains.len();
-    for_rows(out, |row, out| {
-        for (out, unit) in out.chunks_exact_mut(channels).zip(unit.row(row).chunks_exact(channels)) {
-            for (((o, u), g), b) in out.iter_mut().zip(unit).zip(gains).zip(offsets) {
-                let y = g * u + b;
-                *o = if y > 0.0 { y } else { leak * y };
-            }
-        }
-    });
 }
 
 /// `delta` holds the gradient of gain x unit + offset and becomes that of the values before the normalisation;
@@ -150,77 +171,70 @@ pub(super) fn backward(
     delta: &mut Plane,
     unit_delta: &mut Plane,
 ) -> Sums {
-    let channels = gains.len();
-    let offset = channel_sums(delta);
-    let gain = product_sums(delta, unit);
-    for_rows(unit_delta, |row, w| {
-        for (w, d) in w.chunks_exact_mut(channels).zip(delta.row(row).chunks_exact(channels)) {
-            for ((w, d), g) in w.iter_mut().zip(d).zip(gains) {
-                *w = d * g;
+    let channels = unit.channels();
+    let count = (unit.rows() * unit.cols()) as f32;
+    let [offset, gain] = sums_along(unit, delta);
+    let times_gain = |sums: &[f32]| sums.iter().zip(gains).map(|(s, g)| g * s / count).collect::<Vec<f32>>();
+    let (mean, along) = (times_gain(&offset), times_gain(&gain));
+    let (mean, along) = (&mean[..channels], &along[..channels]);
+    let (scales, gains) = (&scales[..channels], &gains[..channels]);
+    for_rows(delta, unit_delta, |row, delta, w| {
+        let both = delta.chunks_exact_mut(channels).zip(w.chunks_exact_mut(channels));
+        for ((d, w), x) in both.zip(pixels(unit, row)) {
+            for c in 0..channels {
+                w[c] = gains[c] * d[c];
+                d[c] = scales[c] * (w[c] - mean[c] - x[c] * along[c]);
             }
         }
     });
-    let project = Projection::new(unit, unit_delta);
-    for_rows(delta, |row, d| project.apply(unit.row(row), unit_delta.row(row), scales, d));
     Sums { gain, offset }
 }
 
-/// P(u) = u - mean u - x mean(x u), by channel.
+/// The means of P(u) = u - mean u - x mean(x u), by channel.
 pub(super) struct Projection {
     /// mean u
-    pub(super) mean: Vec<f32>,
+    mean: Vec<f32>,
     /// mean(x u)
-    pub(super) along: Vec<f32>,
+    along: Vec<f32>,
 }
 
 impl Projection {
-    pub(super) fn new(unit: &Plane, u: &Plane) -> Self {
+    fn new(unit: &Plane, u: &Plane) -> Self {
         let count = (unit.rows() * unit.cols()) as f32;
-        Self {
-            mean: channel_sums(u).iter().map(|s| s / count).collect(),
-            along: product_sums(unit, u).iter().map(|s| s / count).collect(),
-        }
-    }
-
-    /// s P(u) of one row.
-    fn apply(&self, unit: &[f32], u: &[f32], scales: &[f32], out: &mut [f32]) {
-        let channels = scales.len();
-        let rows =
-            out.chunks_exact_mut(channels).zip(unit.chunks_exact(channels)).zip(u.chunks_exact(channels));
-        for ((out, x), u) in rows {
-            for c in 0..channels {
-                out[c] = scales[c] * (u[c] - self.mean[c] - x[c] * self.along[c]);
-            }
-        }
+        let [mean, along] = sums_along(unit, u).map(|sums| sums.iter().map(|s| s / count).collect());
+        Self { mean, along }
     }
 }
 
-/// A tangent through the normalisation, in place: z' -> x' = s P(z'). Gives the projection's means.
-pub(super) fn tangent(unit: &Plane, scales: &[f32], z: &mut Plane) -> Projection {
+/// A tangent through the normalisation, in place: z' -> x' = s P(z'). `out` is the tangent of the activation: gain x', times
+/// the leak where `active`, the activation, is not positive. Gives the projection's means.
+pub(super) fn tangent(
+    unit: &Plane,
+    scales: &[f32],
+    activation: Activation<'_>,
+    active: &Plane,
+    z: &mut Plane,
+    out: &mut Plane,
+) -> Projection {
     let project = Projection::new(unit, z);
-    let channels = scales.len();
-    for_rows(z, |row, z| {
-        for (z, x) in z.chunks_exact_mut(channels).zip(unit.row(row).chunks_exact(channels)) {
+    let channels = unit.channels();
+    let (mean, along) = (&project.mean[..channels], &project.along[..channels]);
+    let scales = &scales[..channels];
+    let Activation { gains, leak, .. } = activation;
+    for_rows(z, out, |row, z, out| {
+        let both = z.chunks_exact_mut(channels).zip(out.chunks_exact_mut(channels));
+        for ((z, out), (x, active)) in both.zip(pixels(unit, row).zip(pixels(active, row))) {
             for c in 0..channels {
-                z[c] = scales[c] * (z[c] - project.mean[c] - x[c] * project.along[c]);
+                z[c] = scales[c] * (z[c] - mean[c] - x[c] * along[c]);
+            }
+            for (((out, z), active), g) in out.iter_mut().zip(z.iter()).zip(active).zip(gains) {
+                // Without a branch, which nothing could foresee.
+                let positive = f32::from(*active > 0.0);
+                *out = g * z * (positive + leak * (1.0 - positive));
             }
         }
     });
     project
-}
-
-/// The tangent of the activation: gain x', times the leak where the activation is not positive.
-pub(super) fn activate_tangent(moved: &Plane, gains: &[f32], active: &Plane, leak: f32, out: &mut Plane) {
-    let channels = gains.len();
-    for_rows(out, |row, out| {
-        let inputs = moved.row(row).chunks_exact(channels).zip(active.row(row).chunks_exact(channels));
-        for (out, (moved, active)) in out.chunks_exact_mut(channels).zip(inputs) {
-            for c in 0..channels {
-                let y = gains[c] * moved[c];
-                out[c] = if active[c] > 0.0 { y } else { leak * y };
-            }
-        }
-    });
 }
 
 /// What the value side of a normalised layer adds to the gradient of the directional derivative.
@@ -242,33 +256,48 @@ impl ValueSide<'_> {
     ///
     /// With m = mean(x z'): u = gain mu - s (w m + z' mean(w x)), and the answer is s (P(u) - x mean(w x')).
     pub(super) fn backward(&self, mu: &mut Plane, scratch: &mut Plane) -> Sums {
-        let channels = self.gains.len();
+        let channels = self.unit.channels();
         let count = (self.unit.rows() * self.unit.cols()) as f32;
-        let over = |sums: Vec<f32>| sums.iter().map(|s| s / count).collect::<Vec<f32>>();
-        let offset = channel_sums(mu);
-        let gain = product_sums(mu, self.unit);
-        let wx = over(product_sums(self.w, self.unit));
-        let moved = over(product_sums(self.w, self.moved));
-        for_rows(scratch, |row, u| {
-            let (x, moved, w, mu) = (self.unit.row(row), self.moved.row(row), self.w.row(row), mu.row(row));
-            for (i, u) in u.iter_mut().enumerate() {
-                let c = i % channels;
-                let (s, m) = (self.scales[c], self.projection.along[c]);
-                let z = moved[i] / s + self.projection.mean[c] + x[i] * m;
-                *u = self.gains[c] * mu[i] - s * (w[i] * m + z * wx[c]);
+        let [offset, gain] = sums_along(self.unit, mu);
+        let [wx, moved] = sums(self.unit.rows(), channels, |row, [wx, moved]| {
+            let values = pixels(self.unit, row).zip(pixels(self.moved, row));
+            for (w, (x, m)) in pixels(self.w, row).zip(values) {
+                for ((((wx, moved), w), x), m) in wx.iter_mut().zip(moved.iter_mut()).zip(w).zip(x).zip(m) {
+                    *wx += w * x;
+                    *moved += w * m;
+                }
             }
         });
-        let project = Projection::new(self.unit, scratch);
-        for_rows(mu, |row, mu| {
-            let x = self.unit.row(row);
-            project.apply(x, scratch.row(row), self.scales, mu);
-            for (i, mu) in mu.iter_mut().enumerate() {
-                let c = i % channels;
-                *mu -= self.scales[c] * x[i] * moved[c];
+        let over = |sums: &[f32]| sums.iter().map(|s| s / count).collect::<Vec<f32>>();
+        let (wx, moved_mean) = (over(&wx), over(&moved));
+        let (scales, gains) = (&self.scales[..channels], &self.gains[..channels]);
+        let (mean, along) = (&self.projection.mean[..channels], &self.projection.along[..channels]);
+        let wx = &wx[..channels];
+        let deviations: Vec<f32> = scales.iter().map(|s| s.recip()).collect();
+        let deviations = &deviations[..channels];
+        for_rows(mu, scratch, |row, mu, u| {
+            let planes = pixels(self.unit, row).zip(pixels(self.moved, row)).zip(pixels(self.w, row));
+            let both = mu.chunks_exact(channels).zip(u.chunks_exact_mut(channels));
+            for ((mu, u), ((x, moved), w)) in both.zip(planes) {
+                for c in 0..channels {
+                    let z = moved[c] * deviations[c] + mean[c] + x[c] * along[c];
+                    u[c] = gains[c] * mu[c] - scales[c] * (w[c] * along[c] + z * wx[c]);
+                }
+            }
+        });
+        let Projection { mean, along } = Projection::new(self.unit, scratch);
+        let along: Vec<f32> = along.iter().zip(moved_mean).map(|(a, m)| a + m).collect();
+        let (mean, along) = (&mean[..channels], &along[..channels]);
+        for_rows(mu, scratch, |row, mu, u| {
+            let both = mu.chunks_exact_mut(channels).zip(u.chunks_exact(channels));
+            for ((mu, u), x) in both.zip(pixels(self.unit, row)) {
+                for c in 0..channels {
+                    mu[c] = scales[c] * (u[c] - mean[c] - x[c] * along[c]);
+                }
             }
         });
         // The gain also scales the tangent: sum of lambda x' with lambda = w / gain.
-        let gain = (0..channels).map(|c| gain[c] + moved[c] * count / self.gains[c]).collect();
+        let gain = (0..channels).map(|c| gain[c] + moved[c] / self.gains[c]).collect();
         Sums { gain, offset }
     }
 }

@@ -5,7 +5,7 @@
 //! that a training step allocates almost nothing. Without batch normalisation bias and activation happen while a row of
 //! sums is still in the cache, and the activation's derivative is read off the sign of its output.
 
-use super::batch_norm::{self, Moments};
+use super::batch_norm::{self, Activation, Moments};
 use crate::learn::convolution::{Finish, Plane, add_weight_gradient, convolve, turned};
 use crate::seed::Seed;
 use rand::RngExt;
@@ -118,6 +118,11 @@ impl Network {
         &self.values[self.shape.places(layer)[2].clone()]
     }
 
+    /// What follows the normalisation of a layer.
+    pub(super) fn activation(&self, layer: usize) -> Activation<'_> {
+        Activation { gains: self.gains(layer), offsets: self.bias(layer), leak: LEAK }
+    }
+
     /// The same network for use: running moments folded into weights and biases, no normalisation left.
     pub(super) fn folded(&self) -> Self {
         let plain = Shape { batch_norm: false, ..self.shape };
@@ -194,9 +199,8 @@ impl Tape {
             } else if self.shape.batch_norm {
                 let unit = &mut self.unit[layer];
                 convolve(input, weights, unit, Finish::Store);
-                let moments = batch_norm::normalise(unit);
+                let moments = batch_norm::normalise(unit, net.activation(layer), &mut after[0]);
                 self.scales[layer] = moments.scales();
-                batch_norm::activate(unit, net.gains(layer), bias, LEAK, &mut after[0]);
                 if let Some(running) = running.as_mut() {
                     running[layer].mix(&moments, unit.rows() * unit.cols());
                 }

@@ -80,8 +80,9 @@ impl Penalty {
                 Some(values) => {
                     let moved = &mut values.moved[layer];
                     convolve(input, net.weights(layer), moved, Finish::Store);
-                    projections.push(batch_norm::tangent(&tape.unit[layer], &tape.scales[layer], moved));
-                    batch_norm::activate_tangent(moved, net.gains(layer), active, LEAK, out);
+                    let (unit, scales) = (&tape.unit[layer], &tape.scales[layer]);
+                    let activation = net.activation(layer);
+                    projections.push(batch_norm::tangent(unit, scales, activation, active, moved, out));
                 }
             }
         }

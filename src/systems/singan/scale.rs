@@ -228,7 +228,8 @@ impl Scale {
         self.apply_tiled(up, field, amplitude, TILE)
     }
 
-    /// The same with another side of the tiles.
+    /// The same with another side of the tiles, rounded up to an even one: the convolution's sums are those of the untiled map
+    /// where a tile begins in an even row and column.
     pub(super) fn apply_tiled(
         &self,
         up: &Grid<f32>,
@@ -237,6 +238,7 @@ impl Scale {
         tile: usize,
     ) -> Grid<f32> {
         let (rows, cols) = up.shape();
+        let tile = tile.next_multiple_of(2);
         let framed = self.lens.frame(up);
         let noise = Noise { field, amplitude: amplitude * self.noise };
         let corners: Vec<(usize, usize)> = (0..rows.div_ceil(tile))

@@ -1,11 +1,10 @@
-//! The vector code of the 3x3 convolution: a few rows of one image, at the widest registers of the machine.
+//! The 3x3 convolution from or to few channels, as a direct sum: a few rows of one image.
 //!
-//! `pulp` picks the instruction set at run time. A *wide* kernel keeps a tile of pixels x two registers of output channels
-//! and multiplies broadcast inputs with rows of weights, the inner loop of a matrix product without its packing: the nine
-//! shifted images are read where they lie. A *narrow* one (one or two output channels) runs along the input channels.
-//! Loops stand where an iterator with a closure would be shorter: a closure handed to the standard library is compiled for
-//! the baseline processor, and every vector operation in it becomes a call.
+//! A *wide* kernel (one to three input channels) keeps a tile of pixels x two registers of output channels and multiplies
+//! broadcast inputs with rows of weights: the nine shifted images are read where they lie. A *narrow* one (one or two output
+//! channels) runs along the input channels.
 
+use super::finish::{Finish, finish};
 use pulp::bytemuck::{cast_slice, cast_slice_mut};
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
@@ -16,36 +15,6 @@ const TILE_32: usize = 12;
 const TILE_16: usize = 5;
 /// Pixels of a tile at the end of a row.
 const TILE_END: usize = 4;
-/// Input channels of a pass: 9 x 32 x 32 weights lie in the first-level cache.
-const DEPTH: usize = 32;
-/// Pixels of a pass of the weight gradient: their inputs and deltas lie in the first-level cache.
-const RUN: usize = 64;
-/// Input channels whose weight gradients are summed together: 3 taps x 4 channels x 2 sums of 32 registers.
-const BLOCK_32: usize = 4;
-/// The same for 16 registers.
-const BLOCK_16: usize = 2;
-
-/// What happens to a sum before it is stored.
-#[derive(Clone, Copy, Debug)]
-pub enum Finish<'a> {
-    /// Nothing.
-    Store,
-    /// `y = sum + bias`, then `y` where it is positive and `leak * y` elsewhere; a leak of 1 adds the bias alone.
-    Activate {
-        /// (output channels)
-        bias: &'a [f32],
-        /// Slope below 0.
-        leak: f32,
-    },
-    /// The sum where `by` is positive and `leak` times it elsewhere: the derivative of a leaky ReLU whose output is `by`.
-    Damp {
-        /// (rows, columns, channels) of the output.
-        by: &'a [f32],
-        /// Slope below 0.
-        leak: f32,
-    },
-}
-
 /// Output rows of one task of a convolution.
 pub(super) struct Forward<'a> {
     /// (rows, cols, channels)
@@ -74,9 +43,6 @@ impl WithSimd for Forward<'_> {
             (_, 1) => self.wide::<S, 1>(simd),
             (_, 2) => self.wide::<S, 2>(simd),
             (_, 3) => self.wide::<S, 3>(simd),
-            (_, 32) => self.wide::<S, 32>(simd),
-            (_, 64) => self.wide::<S, 64>(simd),
-            (_, 128) => self.wide::<S, 128>(simd),
             (_, n) => unreachable!("{n} channels passed the check"),
         }
     }
@@ -94,10 +60,8 @@ impl Forward<'_> {
             let y = self.first_row + row;
             let out = &mut self.out[row * row_length..(row + 1) * row_length];
             let out: &mut [S::f32s] = cast_slice_mut(out);
-            let blocks = C.div_ceil(DEPTH);
-            for step in 0..registers / 2 * blocks {
-                let (pair, block) = (step / blocks, step % blocks);
-                let at = Place { y, cols: self.cols, registers, pair, block, left: self.left };
+            for pair in 0..registers / 2 {
+                let at = Place { y, cols: self.cols, registers, pair, left: self.left };
                 let mut x = 0;
                 if S::F32_LANES == 16 {
                     while x + TILE_32 <= width {
@@ -176,8 +140,6 @@ struct Place {
     registers: usize,
     /// Which two of them.
     pair: usize,
-    /// Which [`DEPTH`] input channels; those before are in the output already.
-    block: usize,
     /// First stored column of the output row.
     left: usize,
 }
@@ -194,23 +156,15 @@ fn tile<S: Simd, const C: usize, const P: usize>(
 ) {
     let mut sums = [[simd.splat_f32s(0.0); 2]; P];
     let place = (at.left + x) * at.registers + 2 * at.pair;
-    if at.block > 0 {
-        for p in 0..P {
-            sums[p][0] = out[place + p * at.registers];
-            sums[p][1] = out[place + p * at.registers + 1];
-        }
-    }
-    let depth = if C < DEPTH { C } else { DEPTH };
-    let first = at.block * depth;
     for tap in 0..9 {
         let start = (at.y + tap / 3) * at.cols + x + tap % 3;
         let values: &[[f32; C]; P] = pixels[start..].first_chunk().expect("the tile lies inside");
-        let weights = &weights[(tap * C + first) * at.registers..(tap * C + first + depth) * at.registers];
-        for c in 0..depth {
+        let weights = &weights[tap * C * at.registers..(tap + 1) * C * at.registers];
+        for c in 0..C {
             let low = weights[c * at.registers + 2 * at.pair];
             let high = weights[c * at.registers + 2 * at.pair + 1];
             for p in 0..P {
-                let value = simd.splat_f32s(values[p][first + c]);
+                let value = simd.splat_f32s(values[p][c]);
                 sums[p][0] = simd.mul_add_e_f32s(value, low, sums[p][0]);
                 sums[p][1] = simd.mul_add_e_f32s(value, high, sums[p][1]);
             }
@@ -219,35 +173,6 @@ fn tile<S: Simd, const C: usize, const P: usize>(
     for p in 0..P {
         out[place + p * at.registers] = sums[p][0];
         out[place + p * at.registers + 1] = sums[p][1];
-    }
-}
-
-/// Finishes a row of sums while it is in the cache. `start`: the row's first register in the whole output.
-#[inline(always)]
-fn finish<S: Simd>(simd: S, row: &mut [S::f32s], registers: usize, start: usize, finish: Finish<'_>) {
-    let zero = simd.splat_f32s(0.0);
-    match finish {
-        Finish::Store => {}
-        Finish::Activate { bias, leak } => {
-            let bias: &[S::f32s] = cast_slice(bias);
-            let leak = simd.splat_f32s(leak);
-            for pixel in row.chunks_exact_mut(registers) {
-                for i in 0..pixel.len() {
-                    let sum = simd.add_f32s(pixel[i], bias[i]);
-                    let less = simd.mul_f32s(sum, leak);
-                    pixel[i] = simd.select_f32s(simd.greater_than_f32s(sum, zero), sum, less);
-                }
-            }
-        }
-        Finish::Damp { by, leak } => {
-            let by: &[S::f32s] = cast_slice(by);
-            let by = &by[start..start + row.len()];
-            let leak = simd.splat_f32s(leak);
-            for i in 0..row.len() {
-                let less = simd.mul_f32s(row[i], leak);
-                row[i] = simd.select_f32s(simd.greater_than_f32s(by[i], zero), row[i], less);
-            }
-        }
     }
 }
 
@@ -274,54 +199,40 @@ impl WithSimd for Weights<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         match (self.out_channels, self.channels) {
             (1 | 2, _) => self.narrow(simd),
-            (_, 1..=3) => self.wide::<S, 1>(simd),
-            _ if S::F32_LANES == 16 => self.wide::<S, BLOCK_32>(simd),
-            _ => self.wide::<S, BLOCK_16>(simd),
+            _ => self.wide(simd),
         }
     }
 }
 
 impl Weights<'_> {
-    /// `B` input channels at a time.
     #[inline(always)]
-    fn wide<S: Simd, const B: usize>(self, simd: S) {
+    fn wide<S: Simd>(self, simd: S) {
         let width = self.cols - 2;
-        let registers = self.out_channels / S::F32_LANES;
-        let blocks = self.channels / B;
-        let (input, _) = self.input.as_chunks::<B>();
+        let (registers, channels) = (self.out_channels / S::F32_LANES, self.channels);
         let delta: &[S::f32s] = cast_slice(self.delta);
         let gradient: &mut [S::f32s] = cast_slice_mut(self.gradient);
         for y in self.rows {
             let start = ((y + self.border) * self.delta_cols + self.border) * registers;
             let delta = &delta[start..start + width * registers];
             for dy in 0..3 {
-                let start = (y + dy) * self.cols * blocks;
-                let row = &input[start..start + self.cols * blocks];
-                let runs = width.div_ceil(RUN);
-                for step in 0..runs * registers / 2 {
-                    let (run, pair) = (step / (registers / 2), step % (registers / 2));
-                    let end = if run + 1 == runs { width } else { (run + 1) * RUN };
-                    for block in 0..blocks {
-                        let mut sums = [[[simd.splat_f32s(0.0); 2]; B]; 3];
-                        for x in run * RUN..end {
+                let start = (y + dy) * self.cols * channels;
+                let row = &self.input[start..start + self.cols * channels];
+                for pair in 0..registers / 2 {
+                    for c in 0..channels {
+                        let mut sums = [[simd.splat_f32s(0.0); 2]; 3];
+                        for x in 0..width {
                             let low = delta[x * registers + 2 * pair];
                             let high = delta[x * registers + 2 * pair + 1];
                             for dx in 0..3 {
-                                let values = &row[(x + dx) * blocks + block];
-                                for b in 0..B {
-                                    let value = simd.splat_f32s(values[b]);
-                                    sums[dx][b][0] = simd.mul_add_e_f32s(value, low, sums[dx][b][0]);
-                                    sums[dx][b][1] = simd.mul_add_e_f32s(value, high, sums[dx][b][1]);
-                                }
+                                let value = simd.splat_f32s(row[(x + dx) * channels + c]);
+                                sums[dx][0] = simd.mul_add_e_f32s(value, low, sums[dx][0]);
+                                sums[dx][1] = simd.mul_add_e_f32s(value, high, sums[dx][1]);
                             }
                         }
                         for dx in 0..3 {
-                            for b in 0..B {
-                                let tap = 3 * dy + dx;
-                                let at = (tap * self.channels + block * B + b) * registers + 2 * pair;
-                                gradient[at] = simd.add_f32s(gradient[at], sums[dx][b][0]);
-                                gradient[at + 1] = simd.add_f32s(gradient[at + 1], sums[dx][b][1]);
-                            }
+                            let at = ((3 * dy + dx) * channels + c) * registers + 2 * pair;
+                            gradient[at] = simd.add_f32s(gradient[at], sums[dx][0]);
+                            gradient[at + 1] = simd.add_f32s(gradient[at + 1], sums[dx][1]);
                         }
                     }
                 }
