@@ -88,8 +88,21 @@ pub struct TrainingRow {
     pub preparation_seconds: f64,
     /// Median seconds of a step.
     pub seconds_per_epoch: f64,
+    /// What is known of its detail; none without.
+    pub detail: Option<DetailRow>,
     /// Why it failed; empty when it did not.
     pub error: String,
+}
+
+/// What is known of the detail of a training.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DetailRow {
+    /// Seconds of its training.
+    pub seconds: f64,
+    /// What strength 1 is worth.
+    pub gain: f64,
+    /// PSNR of the rebuilt exemplar, decibels; patches rebuild none.
+    pub psnr: Option<f64>,
 }
 
 /// A finished row with the seconds that it took.
@@ -286,8 +299,10 @@ impl Record {
     /// # Errors
     /// When the file cannot be written.
     pub fn write_training(&self, rows: &[TrainingRow]) -> Result<()> {
-        let header = "style,area,seed,parameters,epochs,seconds,preparation_seconds,seconds_per_epoch,error";
+        let header = "style,area,seed,parameters,epochs,seconds,preparation_seconds,seconds_per_epoch,\
+                      detail_seconds,detail_gain,detail_psnr,error";
         let lines = rows.iter().map(|r| {
+            let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.3}"));
             vec![
                 r.style.clone(),
                 r.area.clone(),
@@ -297,6 +312,9 @@ impl Record {
                 format!("{:.3}", r.seconds),
                 format!("{:.3}", r.preparation_seconds),
                 format!("{:.5}", r.seconds_per_epoch),
+                number(r.detail.map(|d| d.seconds)),
+                number(r.detail.map(|d| d.gain)),
+                number(r.detail.and_then(|d| d.psnr)),
                 r.error.replace(['\n', '\r'], " "),
             ]
         });
@@ -315,6 +333,12 @@ impl Record {
         let path = self.path("training.csv");
         let text = self.text("training.csv")?;
         let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let head =
+            reader.headers().map_err(|e| Error::file(&path, "line 1", e, "allowed: what a run writes"))?;
+        let column = |name: &str| head.iter().position(|h| h == name);
+        // Records from before styles had detail here lack its columns.
+        let [detail_seconds, detail_gain, detail_psnr, error] =
+            ["detail_seconds", "detail_gain", "detail_psnr", "error"].map(column);
         let row = |(i, line): (usize, csv::Result<csv::StringRecord>)| {
             let bad = |e: &dyn std::fmt::Display| {
                 Error::file(&path, format!("line {}", i + 2), e, "allowed: what a run writes")
@@ -322,6 +346,13 @@ impl Record {
             let line = line.map_err(|e| bad(&e))?;
             let field = |k: usize| line.get(k).unwrap_or_default();
             let number = |k: usize| field(k).parse::<f64>().map_err(|_| bad(&field(k)));
+            let optional = |k: Option<usize>| k.filter(|&k| !field(k).is_empty()).map(number).transpose();
+            let detail = match (optional(detail_seconds)?, optional(detail_gain)?) {
+                (Some(seconds), Some(gain)) => {
+                    Some(DetailRow { seconds, gain, psnr: optional(detail_psnr)? })
+                }
+                _ => None,
+            };
             Ok(TrainingRow {
                 style: field(0).to_owned(),
                 area: field(1).to_owned(),
@@ -331,7 +362,8 @@ impl Record {
                 seconds: number(5)?,
                 preparation_seconds: number(6)?,
                 seconds_per_epoch: number(7)?,
-                error: field(8).to_owned(),
+                detail,
+                error: error.map_or("", field).to_owned(),
             })
         };
         reader.records().enumerate().map(row).collect()

@@ -392,6 +392,9 @@ fn trainings(rows: &[TrainingRow]) -> Table {
         Column::number("Training", 1).unit("s"),
         Column::number("Preparation", 1).unit("s"),
         Column::number("An epoch", 4).unit("s"),
+        Column::number("Detail", 1).unit("s"),
+        Column::number("Its strength", 2),
+        Column::number("Exemplar rebuilt", 1).unit("dB"),
         Column::text("Failed"),
     ];
     let mut table =
@@ -406,6 +409,9 @@ fn trainings(rows: &[TrainingRow]) -> Table {
             Entry::from(r.seconds),
             Entry::from(r.preparation_seconds),
             Entry::from(r.seconds_per_epoch),
+            Entry::from(r.detail.map(|d| d.seconds)),
+            Entry::from(r.detail.map(|d| d.gain)),
+            Entry::from(r.detail.and_then(|d| d.psnr)),
             Entry::from(r.error.as_str()),
         ]);
     }

@@ -4,7 +4,7 @@
 //! or threads, nor on how often the run was interrupted. Cost: the trainings, each with the memory of one.
 
 use super::measure::{Systems, home_of, measure};
-use super::record::{Record, Session, Timed, TrainingRow};
+use super::record::{DetailRow, Record, Session, Timed, TrainingRow};
 use super::resolve::{Area, Resolved};
 use super::rows::{Key, ScoreRow};
 use super::spec::{DetailSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
@@ -14,7 +14,7 @@ use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
-use crate::systems::pipeline::{learn_detail, take_patches, unseen_surface};
+use crate::systems::pipeline::{StyleDetail, detail_of, learn_detail, take_patches, unseen_surface};
 use crate::systems::region_gnn::style::{StyleConfig, learn_with};
 use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, GenerationConfig, Style};
 use crate::systems::registry;
@@ -243,6 +243,7 @@ fn load(path: &Path, wanted: &Wanted<'_>, with_detail: bool) -> Option<Style> {
 fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained> {
     let mut told = 0;
     let checkpoint = wanted.path.with_extension("checkpoint");
+    let detail_checkpoint = wanted.path.with_extension("detail-checkpoint");
     let learned = without_panic(|| {
         let mut progress = |report: &EpochReport| {
             // Also those that an earlier run has done.
@@ -266,7 +267,13 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
             DetailSpec::Patches(_) => take_patches(&mut style, source, unseen.as_ref(), seed)?,
             DetailSpec::Generators(settings) => {
                 let mut quiet = |_: &singan::StepReport| {};
-                let control = singan::Control::new(&mut quiet);
+                let checkpoints = Checkpoints {
+                    path: detail_checkpoint.clone(),
+                    interval: CHECKPOINTS,
+                    resume: detail_checkpoint.exists(),
+                };
+                let checkpoints = Some(checkpoints);
+                let control = singan::Control { progress: &mut quiet, budget: None, checkpoints };
                 learn_detail(&mut style, source, unseen.as_ref(), settings, seed, control)?;
             }
         }
@@ -274,6 +281,7 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
     });
     watch(Event::Steps(wanted.config.model.epochs.saturating_sub(told) as u64));
     file::remove(&checkpoint)?;
+    file::remove(&detail_checkpoint)?;
     match learned {
         Ok(style) => {
             style.save(&wanted.path)?;
@@ -303,6 +311,16 @@ fn training_row(wanted: &Wanted<'_>, style: &Trained) -> TrainingRow {
         seconds: value(|t| t.seconds),
         preparation_seconds: value(|t| t.preparation_seconds),
         seconds_per_epoch: value(|t| t.seconds_per_epoch),
+        detail: style.as_ref().ok().and_then(|style| detail_of(style).ok()?).map(|detail| match &detail {
+            StyleDetail::Generators(d) => {
+                let r = d.record();
+                DetailRow { seconds: r.seconds, gain: f64::from(r.gain), psnr: Some(r.psnr) }
+            }
+            StyleDetail::Patches(d) => {
+                let r = d.record();
+                DetailRow { seconds: r.seconds, gain: f64::from(r.gain), psnr: None }
+            }
+        }),
         error: style.as_ref().err().cloned().unwrap_or_default(),
     }
 }

@@ -144,8 +144,8 @@ pub struct StyleSpec {
     /// The whole configuration instead of preset, overrides and set: what a resolved file has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<StyleConfig>,
-    /// Also has detail: `"patches"`, or generators with these settings; `detail = {}` takes the usual ones. Without it the
-    /// style is coarse only.
+    /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"published"` (SinGAN as it was published), or generators
+    /// with these settings. Without it the style is coarse only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<DetailSpec>,
 }
@@ -164,10 +164,14 @@ pub enum DetailSpec {
 impl<'de> Deserialize<'de> for DetailSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match toml::Value::deserialize(deserializer)? {
-            name @ toml::Value::String(_) => name.try_into().map(Self::Patches),
-            settings => settings.try_into().map(Self::Generators),
+            toml::Value::String(name) => match name.as_str() {
+                "patches" => Ok(Self::Patches(PatchModel::Patches)),
+                "generators" => Ok(Self::Generators(DetailConfig::default())),
+                "published" => Ok(Self::Generators(DetailConfig::paper())),
+                _ => Err(serde::de::Error::unknown_variant(&name, &["patches", "generators", "published"])),
+            },
+            settings => settings.try_into().map(Self::Generators).map_err(serde::de::Error::custom),
         }
-        .map_err(serde::de::Error::custom)
     }
 }
 

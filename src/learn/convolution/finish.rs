@@ -26,7 +26,13 @@ pub enum Finish<'a> {
 
 /// Finishes a row of sums while it is in the cache. `start`: the row's first register in the whole output.
 #[inline(always)]
-pub(super) fn finish<S: Simd>(simd: S, row: &mut [S::f32s], registers: usize, start: usize, finish: Finish<'_>) {
+pub(super) fn finish<S: Simd>(
+    simd: S,
+    row: &mut [S::f32s],
+    registers: usize,
+    start: usize,
+    finish: Finish<'_>,
+) {
     let zero = simd.splat_f32s(0.0);
     match finish {
         Finish::Store => {}

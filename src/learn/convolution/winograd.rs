@@ -85,7 +85,12 @@ impl WithSimd for GatherWeights<'_> {
         for i in 0..to {
             let mut rows = [[simd.splat_f32s(0.0); 4]; 3];
             for x in 0..4 {
-                let u = [terms[x * from + i], terms[(4 + x) * from + i], terms[(8 + x) * from + i], terms[(12 + x) * from + i]];
+                let u = [
+                    terms[x * from + i],
+                    terms[(4 + x) * from + i],
+                    terms[(8 + x) * from + i],
+                    terms[(12 + x) * from + i],
+                ];
                 let column = gather(simd, half, u);
                 for y in 0..3 {
                     rows[y][x] = column[y];
@@ -124,10 +129,7 @@ fn spread<S: Simd>(simd: S, d: [S::f32s; 4]) -> [S::f32s; 4] {
 /// A' m
 #[inline(always)]
 fn close<S: Simd>(simd: S, m: [S::f32s; 4]) -> [S::f32s; 2] {
-    [
-        simd.add_f32s(simd.add_f32s(m[0], m[1]), m[2]),
-        simd.sub_f32s(simd.sub_f32s(m[1], m[2]), m[3]),
-    ]
+    [simd.add_f32s(simd.add_f32s(m[0], m[1]), m[2]), simd.sub_f32s(simd.sub_f32s(m[1], m[2]), m[3])]
 }
 
 /// A y
@@ -200,7 +202,8 @@ fn spread_tiles<S: Simd, const C: usize>(
         for r in 0..registers {
             let mut rows = [[simd.splat_f32s(0.0); 4]; 4];
             for x in 0..4 {
-                let column = spread(simd, [pixels[x][r], pixels[4 + x][r], pixels[8 + x][r], pixels[12 + x][r]]);
+                let column =
+                    spread(simd, [pixels[x][r], pixels[4 + x][r], pixels[8 + x][r], pixels[12 + x][r]]);
                 for y in 0..4 {
                     rows[y][x] = column[y];
                 }
@@ -292,11 +295,25 @@ fn multiply<S: Simd, const C: usize>(
     for pair in 0..registers / 2 {
         let mut i = 0;
         while S::F32_LANES == 16 && i + TILES_32 <= count {
-            product::<S, C, TILES_32>(simd, &inputs[i..], weights, registers, pair, &mut out[i * registers..]);
+            product::<S, C, TILES_32>(
+                simd,
+                &inputs[i..],
+                weights,
+                registers,
+                pair,
+                &mut out[i * registers..],
+            );
             i += TILES_32;
         }
         while i + TILES_16 <= count {
-            product::<S, C, TILES_16>(simd, &inputs[i..], weights, registers, pair, &mut out[i * registers..]);
+            product::<S, C, TILES_16>(
+                simd,
+                &inputs[i..],
+                weights,
+                registers,
+                pair,
+                &mut out[i * registers..],
+            );
             i += TILES_16;
         }
         while i < count {
