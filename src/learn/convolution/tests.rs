@@ -29,11 +29,11 @@ fn candle_twin(image: &Tensor, weights: &Tensor) -> Tensor {
     out.squeeze(0).unwrap().permute((1, 2, 0)).unwrap().contiguous().unwrap()
 }
 
-/// Sides that leave every kind of tile end.
+/// Sides that leave every kind of tile end; the last one has more tiles than a pass, and odd sides.
 #[test]
 fn equals_candle_forward_and_backward() {
     for (channels, out_channels) in PAIRS {
-        for (rows, cols) in [(3, 3), (9, 22), (21, 40)] {
+        for (rows, cols) in [(3, 3), (9, 22), (21, 40), (9, 103)] {
             let mut params = ParamStore::new(Seed(5));
             let image = params.normal("image", (rows, cols, channels), 1.0).unwrap();
             let weights = params.normal("weights", (9, channels, out_channels), 1.0).unwrap();
@@ -135,6 +135,25 @@ fn any_number_of_threads_gives_the_same_bytes() {
     };
     let one = run(1);
     assert!(one == run(2) && one == run(5));
+}
+
+/// What tiled generators rely on: the sums of a window are those of the whole where it begins in an even row and column.
+#[test]
+fn a_window_with_an_even_start_has_the_bytes_of_the_whole() {
+    let mut params = ParamStore::new(Seed(10));
+    let image = flat(&params.normal("image", (40, 70, 32), 1.0).unwrap());
+    let weights = flat(&params.normal("weights", (9, 32, 64), 1.0).unwrap());
+    let mut whole = Plane::zeros(38, 68, 64, 0);
+    convolve(&Plane::from_values(40, 70, 32, image.clone()), &weights, &mut whole, Finish::Store);
+    for (top, left, rows, cols) in [(2, 4, 9, 11), (12, 50, 28, 20), (0, 2, 5, 60)] {
+        let lines = (top..top + rows).map(|r| &image[(r * 70 + left) * 32..(r * 70 + left + cols) * 32]);
+        let window = Plane::from_values(rows, cols, 32, lines.flatten().copied().collect());
+        let mut out = Plane::zeros(rows - 2, cols - 2, 64, 1);
+        convolve(&window, &weights, &mut out, Finish::Store);
+        for row in 0..rows - 2 {
+            assert_eq!(out.row(row), &whole.row(top + row)[left * 64..(left + cols - 2) * 64]);
+        }
+    }
 }
 
 #[test]

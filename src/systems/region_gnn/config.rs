@@ -113,7 +113,7 @@ pub struct RegionGnnConfig {
     pub embedding: usize,
     /// Sum or mean inside `Enc` (A.5).
     pub pooling: Pooling,
-    /// Layer normalisation after each gather.
+    /// Layer normalisation after each gather (`paper` only; `docs/papers/region_gnn.md`).
     pub normalize: bool,
     /// Standard deviation of the noise on edges and first region states (A.3, A.4: 1).
     pub noise: f64,
@@ -154,7 +154,7 @@ impl Default for RegionGnnConfig {
             width: 32,
             embedding: 0,
             pooling: Pooling::Mean,
-            normalize: true,
+            normalize: false,
             noise: 1.0,
             masked: 0.05,
             extractions: 16,
@@ -179,6 +179,7 @@ impl RegionGnnConfig {
             frame: HeightFrame::Absolute,
             iterations: 2,
             embedding: 32,
+            normalize: true,
             extractions: 1,
             epochs: 500,
             learning_rate: 2e-2,
