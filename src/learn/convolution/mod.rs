@@ -4,7 +4,7 @@
 //! *valid*: an output pixel needs all nine inputs, so the output is two cells narrower, and who wants padding pads once.
 //! Input channels: 1, 2, 3, 32, 64 or 128. Output channels: a multiple of 32; or 1 or 2 when the input has 32, 64 or 128.
 //!
-//! From many channels to many it is Winograd's minimal filtering ([`winograd`]), else a direct sum ([`direct`]); `pulp` picks
+//! From many channels to many it is Winograd's minimal filtering (`winograd`), else a direct sum (`direct`); `pulp` picks
 //! the instruction set at run time. candle's own `conv2d` copies every input nine times; `experiments/speed/convolution.rs`
 //! measures both. Rows are shared among threads; sums over pixels are made in a number of pieces that the size alone decides, so
 //! that the same bytes come out for any number of threads.
