@@ -144,7 +144,7 @@ pub struct StyleSpec {
     /// The whole configuration instead of preset, overrides and set: what a resolved file has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<StyleConfig>,
-    /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"published"` (SinGAN as it was published), or generators
+    /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"paper"` (SinGAN as it was published), or generators
     /// with these settings. Without it the style is coarse only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<DetailSpec>,
@@ -167,8 +167,8 @@ impl<'de> Deserialize<'de> for DetailSpec {
             toml::Value::String(name) => match name.as_str() {
                 "patches" => Ok(Self::Patches(PatchModel::Patches)),
                 "generators" => Ok(Self::Generators(DetailConfig::default())),
-                "published" => Ok(Self::Generators(DetailConfig::paper())),
-                _ => Err(serde::de::Error::unknown_variant(&name, &["patches", "generators", "published"])),
+                "paper" => Ok(Self::Generators(DetailConfig::paper())),
+                _ => Err(serde::de::Error::unknown_variant(&name, &["patches", "generators", "paper"])),
             },
             settings => settings.try_into().map(Self::Generators).map_err(serde::de::Error::custom),
         }

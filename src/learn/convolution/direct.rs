@@ -4,7 +4,8 @@
 //! broadcast inputs with rows of weights: the nine shifted images are read where they lie. A *narrow* one (one or two output
 //! channels) runs along the input channels.
 
-use super::finish::{Finish, finish};
+use super::finish::{Finish, Rows, finish};
+use super::plane::{Image, Plane};
 use pulp::bytemuck::{cast_slice, cast_slice_mut};
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
@@ -15,30 +16,19 @@ const TILE_32: usize = 12;
 const TILE_16: usize = 5;
 /// Pixels of a tile at the end of a row.
 const TILE_END: usize = 4;
-/// Output rows of one task of a convolution.
+/// One task of a convolution.
 pub(super) struct Forward<'a> {
-    /// (rows, cols, channels)
-    pub(super) input: &'a [f32],
-    pub(super) cols: usize,
-    pub(super) channels: usize,
+    pub(super) input: Image<'a>,
     /// (9, channels, out_channels); narrow: (out_channels, 9, channels)
     pub(super) weights: &'a [f32],
-    pub(super) out_channels: usize,
-    /// First output row of the task.
-    pub(super) first_row: usize,
-    /// Rows of the task, (rows, stored columns, out_channels)
-    pub(super) out: &'a mut [f32],
-    pub(super) out_cols: usize,
-    /// First stored column that is written.
-    pub(super) left: usize,
-    pub(super) finish: Finish<'a>,
+    pub(super) out: Rows<'a>,
 }
 
 impl WithSimd for Forward<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (self.out_channels, self.channels) {
+        match (self.out.channels, self.input.channels) {
             (1 | 2, _) => self.narrow(simd),
             (_, 1) => self.wide::<S, 1>(simd),
             (_, 2) => self.wide::<S, 2>(simd),
@@ -51,17 +41,17 @@ impl WithSimd for Forward<'_> {
 impl Forward<'_> {
     #[inline(always)]
     fn wide<S: Simd, const C: usize>(self, simd: S) {
-        let width = self.cols - 2;
-        let (pixels, _) = self.input.as_chunks::<C>();
+        let width = self.input.cols - 2;
+        let (pixels, _) = self.input.values.as_chunks::<C>();
         let weights: &[S::f32s] = cast_slice(self.weights);
-        let registers = self.out_channels / S::F32_LANES;
-        let row_length = self.out_cols * self.out_channels;
-        for row in 0..self.out.len() / row_length {
-            let y = self.first_row + row;
-            let out = &mut self.out[row * row_length..(row + 1) * row_length];
+        let registers = self.out.channels / S::F32_LANES;
+        let row_length = self.out.cols * self.out.channels;
+        for row in 0..self.out.values.len() / row_length {
+            let y = self.out.first + row;
+            let out = &mut self.out.values[row * row_length..(row + 1) * row_length];
             let out: &mut [S::f32s] = cast_slice_mut(out);
             for pair in 0..registers / 2 {
-                let at = Place { y, cols: self.cols, registers, pair, left: self.left };
+                let at = Place { y, cols: self.input.cols, registers, pair, left: self.out.left };
                 let mut x = 0;
                 if S::F32_LANES == 16 {
                     while x + TILE_32 <= width {
@@ -83,28 +73,28 @@ impl Forward<'_> {
                     x += 1;
                 }
             }
-            let row = &mut out[self.left * registers..(self.left + width) * registers];
-            finish::<S>(simd, row, registers, y * width * registers, self.finish);
+            let row = &mut out[self.out.left * registers..(self.out.left + width) * registers];
+            finish::<S>(simd, row, registers, y * width * registers, self.out.finish);
         }
     }
 
     #[inline(always)]
     fn narrow<S: Simd>(self, simd: S) {
-        let width = self.cols - 2;
-        let registers = self.channels / S::F32_LANES;
-        let input: &[S::f32s] = cast_slice(self.input);
+        let width = self.input.cols - 2;
+        let registers = self.input.channels / S::F32_LANES;
+        let input: &[S::f32s] = cast_slice(self.input.values);
         let all_weights: &[S::f32s] = cast_slice(self.weights);
-        let row_length = self.out_cols * self.out_channels;
-        for row in 0..self.out.len() / row_length {
-            let y = self.first_row + row;
-            let out = &mut self.out[row * row_length..(row + 1) * row_length];
-            for channel in 0..self.out_channels {
+        let row_length = self.out.cols * self.out.channels;
+        for row in 0..self.out.values.len() / row_length {
+            let y = self.out.first + row;
+            let out = &mut self.out.values[row * row_length..(row + 1) * row_length];
+            for channel in 0..self.out.channels {
                 let weights = &all_weights[channel * 9 * registers..(channel + 1) * 9 * registers];
                 for x in 0..width {
                     let mut sums = [simd.splat_f32s(0.0); 3];
                     for dy in 0..3 {
                         // The three taps of a row lie side by side.
-                        let start = ((y + dy) * self.cols + x) * registers;
+                        let start = ((y + dy) * self.input.cols + x) * registers;
                         let values = &input[start..start + 3 * registers];
                         let weights = &weights[dy * 3 * registers..(dy + 1) * 3 * registers];
                         for i in 0..values.len() {
@@ -112,14 +102,14 @@ impl Forward<'_> {
                         }
                     }
                     let sum = simd.reduce_sum_f32s(simd.add_f32s(simd.add_f32s(sums[0], sums[1]), sums[2]));
-                    out[(self.left + x) * self.out_channels + channel] = match self.finish {
+                    out[(self.out.left + x) * self.out.channels + channel] = match self.out.finish {
                         Finish::Store => sum,
                         Finish::Activate { bias, leak } => {
                             let sum = sum + bias[channel];
                             if sum > 0.0 { sum } else { leak * sum }
                         }
                         Finish::Damp { by, leak } => {
-                            let by = by[(y * width + x) * self.out_channels + channel];
+                            let by = by[(y * width + x) * self.out.channels + channel];
                             if by > 0.0 { sum } else { leak * sum }
                         }
                     };
@@ -178,15 +168,9 @@ fn tile<S: Simd, const C: usize, const P: usize>(
 
 /// Weight gradients from some output rows: the sum over pixels of input x delta, for each tap.
 pub(super) struct Weights<'a> {
-    /// (rows, cols, channels)
-    pub(super) input: &'a [f32],
-    pub(super) cols: usize,
-    pub(super) channels: usize,
-    /// (rows, delta_cols, out_channels) with a frame of `border` cells around the output.
-    pub(super) delta: &'a [f32],
-    pub(super) delta_cols: usize,
-    pub(super) border: usize,
-    pub(super) out_channels: usize,
+    pub(super) input: Image<'a>,
+    /// The output's gradient.
+    pub(super) delta: &'a Plane,
     /// Output rows of the task.
     pub(super) rows: Range<usize>,
     /// Added to: (9, channels, out_channels); narrow: (out_channels, 9, channels)
@@ -197,7 +181,7 @@ impl WithSimd for Weights<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (self.out_channels, self.channels) {
+        match (self.delta.channels(), self.input.channels) {
             (1 | 2, _) => self.narrow(simd),
             _ => self.wide(simd),
         }
@@ -207,16 +191,14 @@ impl WithSimd for Weights<'_> {
 impl Weights<'_> {
     #[inline(always)]
     fn wide<S: Simd>(self, simd: S) {
-        let width = self.cols - 2;
-        let (registers, channels) = (self.out_channels / S::F32_LANES, self.channels);
-        let delta: &[S::f32s] = cast_slice(self.delta);
+        let width = self.delta.cols();
+        let (registers, channels) = (self.delta.channels() / S::F32_LANES, self.input.channels);
         let gradient: &mut [S::f32s] = cast_slice_mut(self.gradient);
         for y in self.rows {
-            let start = ((y + self.border) * self.delta_cols + self.border) * registers;
-            let delta = &delta[start..start + width * registers];
+            let delta: &[S::f32s] = cast_slice(self.delta.row(y));
             for dy in 0..3 {
-                let start = (y + dy) * self.cols * channels;
-                let row = &self.input[start..start + self.cols * channels];
+                let start = (y + dy) * self.input.cols * channels;
+                let row = &self.input.values[start..start + self.input.cols * channels];
                 for pair in 0..registers / 2 {
                     for c in 0..channels {
                         let mut sums = [[simd.splat_f32s(0.0); 2]; 3];
@@ -242,21 +224,20 @@ impl Weights<'_> {
 
     #[inline(always)]
     fn narrow<S: Simd>(self, simd: S) {
-        let width = self.cols - 2;
-        let registers = self.channels / S::F32_LANES;
-        let input: &[S::f32s] = cast_slice(self.input);
+        let (width, out_channels) = (self.delta.cols(), self.delta.channels());
+        let registers = self.input.channels / S::F32_LANES;
+        let input: &[S::f32s] = cast_slice(self.input.values);
         let gradient: &mut [S::f32s] = cast_slice_mut(self.gradient);
         for y in self.rows {
-            let start = ((y + self.border) * self.delta_cols + self.border) * self.out_channels;
-            let delta = &self.delta[start..start + width * self.out_channels];
+            let delta = self.delta.row(y);
             for dy in 0..3 {
-                let start = (y + dy) * self.cols * registers;
-                let row = &input[start..start + self.cols * registers];
-                for channel in 0..self.out_channels {
+                let start = (y + dy) * self.input.cols * registers;
+                let row = &input[start..start + self.input.cols * registers];
+                for channel in 0..out_channels {
                     for register in 0..registers {
                         let mut sums = [simd.splat_f32s(0.0); 3];
                         for x in 0..width {
-                            let value = simd.splat_f32s(delta[x * self.out_channels + channel]);
+                            let value = simd.splat_f32s(delta[x * out_channels + channel]);
                             for dx in 0..3 {
                                 let values = row[(x + dx) * registers + register];
                                 sums[dx] = simd.mul_add_e_f32s(value, values, sums[dx]);

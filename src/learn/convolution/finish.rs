@@ -1,4 +1,4 @@
-//! What a convolution does to its sums: nothing, bias and activation, or an activation's derivative.
+//! Where a task's sums go and what is done to them: nothing, bias and activation, or an activation's derivative.
 
 use pulp::Simd;
 use pulp::bytemuck::cast_slice;
@@ -22,6 +22,20 @@ pub enum Finish<'a> {
         /// Slope below 0.
         leak: f32,
     },
+}
+
+/// The output rows of one task of a convolution.
+pub(super) struct Rows<'a> {
+    /// (rows, stored columns, channels)
+    pub(super) values: &'a mut [f32],
+    /// Stored columns.
+    pub(super) cols: usize,
+    pub(super) channels: usize,
+    /// First stored column that is written.
+    pub(super) left: usize,
+    /// The first of them in the whole output.
+    pub(super) first: usize,
+    pub(super) finish: Finish<'a>,
 }
 
 /// Finishes a row of sums while it is in the cache. `start`: the row's first register in the whole output.

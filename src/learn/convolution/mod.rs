@@ -1,4 +1,4 @@
-//! The 3x3 convolution on the CPU: forward, input gradient and weight gradient, without temporaries.
+//! The 3x3 convolution on the CPU: forward, input gradient and weight gradient.
 //!
 //! Images are channels last ([`Plane`]), weights (9 taps row by row, input channels, output channels). The convolution is
 //! *valid*: an output pixel needs all nine inputs, so the output is two cells narrower, and who wants padding pads once.
@@ -25,9 +25,10 @@ pub use op::convolve3;
 pub use plane::{Image, Plane};
 
 use crate::error::{Error, Result};
-use direct::{Forward, Weights};
+use finish::Rows;
 use pulp::Arch;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Output rows of one parallel task of a forward pass.
 const ROWS: usize = 8;
@@ -64,10 +65,10 @@ pub fn check_channels(channels: usize, out_channels: usize) -> Result<()> {
 /// # Panics
 /// When shapes do not fit or [`check_channels`] refuses them.
 pub fn convolve<'a>(input: impl Into<Image<'a>>, weights: &[f32], out: &mut Plane, finish: Finish<'_>) {
-    let Image { values, rows: in_rows, cols, channels } = input.into();
-    let out_channels = out.channels();
+    let input = input.into();
     let (rows, width) = (out.rows(), out.cols());
-    assert_eq!((in_rows, cols), (rows + 2, width + 2), "the output is two cells narrower");
+    let (channels, out_channels) = (input.channels, out.channels());
+    assert_eq!((input.rows, input.cols), (rows + 2, width + 2), "the output is two cells narrower");
     assert_eq!(weights.len(), 9 * channels * out_channels, "nine taps");
     check_channels(channels, out_channels).expect("channels that exist");
     match finish {
@@ -75,46 +76,33 @@ pub fn convolve<'a>(input: impl Into<Image<'a>>, weights: &[f32], out: &mut Plan
         Finish::Damp { by, .. } => assert_eq!(by.len(), rows * width * out_channels, "a value an output"),
         Finish::Store => {}
     }
-    let (border, (_, out_cols)) = (out.border(), out.stored());
-    let row_length = out_cols * out_channels;
-    let inside = &mut out.values_mut()[border * row_length..(border + rows) * row_length];
-    let tasks = inside.par_chunks_mut(ROWS * row_length).enumerate();
+    let (left, (_, cols)) = (out.border(), out.stored());
+    let row_length = cols * out_channels;
+    let inside = &mut out.values_mut()[left * row_length..(left + rows) * row_length];
+    let tasks = inside.par_chunks_mut(ROWS * row_length).enumerate().map(|(task, values)| Rows {
+        values,
+        cols,
+        channels: out_channels,
+        left,
+        first: task * ROWS,
+        finish,
+    });
     let arch = Arch::new();
-    if channels >= 32 && out_channels >= 32 {
+    if many(channels, out_channels) {
         let mut transformed = vec![0.0; winograd::TERMS * channels * out_channels];
         arch.dispatch(winograd::TransformWeights { weights, out: &mut transformed });
-        let source = winograd::Source { values, rows: in_rows, cols };
-        tasks.for_each(|(task, out)| {
-            arch.dispatch(winograd::Forward {
-                source,
-                channels,
-                weights: &transformed,
-                out_channels,
-                first_row: task * ROWS,
-                out,
-                out_cols,
-                left: border,
-                finish,
-            });
-        });
-        return;
+        let weights = &transformed[..];
+        tasks.for_each(|out| arch.dispatch(winograd::Forward { input, weights, out }));
+    } else {
+        let narrow = (out_channels <= 2).then(|| swapped(weights, out_channels));
+        let weights = narrow.as_deref().unwrap_or(weights);
+        tasks.for_each(|out| arch.dispatch(direct::Forward { input, weights, out }));
     }
-    let narrow = (out_channels <= 2).then(|| swapped(weights, out_channels));
-    let weights = narrow.as_deref().unwrap_or(weights);
-    tasks.for_each(|(task, out)| {
-        arch.dispatch(Forward {
-            input: values,
-            cols,
-            channels,
-            weights,
-            out_channels,
-            first_row: task * ROWS,
-            out,
-            out_cols,
-            left: border,
-            finish,
-        });
-    });
+}
+
+/// Whether a convolution has many channels on both sides: Winograd's, not a direct sum.
+const fn many(channels: usize, out_channels: usize) -> bool {
+    channels >= 32 && out_channels >= 32
 }
 
 /// Adds the weights' gradient, (9, channels, out channels), to `gradient`: over all output pixels, input x `delta`.
@@ -124,63 +112,42 @@ pub fn convolve<'a>(input: impl Into<Image<'a>>, weights: &[f32], out: &mut Plan
 /// # Panics
 /// When shapes do not fit or [`check_channels`] refuses them.
 pub fn add_weight_gradient<'a>(input: impl Into<Image<'a>>, delta: &Plane, gradient: &mut [f32]) {
-    let Image { values, rows: in_rows, cols, channels } = input.into();
-    let out_channels = delta.channels();
-    let rows = delta.rows();
-    assert_eq!((in_rows, cols), (rows + 2, delta.cols() + 2), "the output is two cells narrower");
+    let input = input.into();
+    let (rows, cols) = (delta.rows(), delta.cols());
+    let (channels, out_channels) = (input.channels, delta.channels());
+    assert_eq!((input.rows, input.cols), (rows + 2, cols + 2), "the output is two cells narrower");
     assert_eq!(gradient.len(), 9 * channels * out_channels, "nine taps");
     check_channels(channels, out_channels).expect("channels that exist");
     let arch = Arch::new();
-    if channels >= 32 && out_channels >= 32 {
-        let source = winograd::Source { values, rows: in_rows, cols };
-        let tile_rows = rows.div_ceil(2);
-        let count = (tile_rows * cols / 2 / TILES).clamp(2, PIECES);
-        let pieces: Vec<Vec<f32>> = (0..count)
-            .into_par_iter()
-            .map(|piece| {
-                let mut terms = vec![0.0; winograd::TERMS * channels * out_channels];
-                arch.dispatch(winograd::Weights {
-                    source,
-                    channels,
-                    delta: delta.values(),
-                    delta_cols: delta.stored().1,
-                    border: delta.border(),
-                    out_channels,
-                    tile_rows: piece * tile_rows / count..(piece + 1) * tile_rows / count,
-                    terms: &mut terms,
-                });
-                terms
-            })
-            .collect();
+    if many(channels, out_channels) {
+        let (tile_rows, tile_cols) = (rows.div_ceil(2), cols.div_ceil(2));
+        let count = (tile_rows * tile_cols / TILES).clamp(2, PIECES);
+        let pieces = pieces(count, tile_rows, |tile_rows| {
+            let mut terms = vec![0.0; winograd::TERMS * channels * out_channels];
+            arch.dispatch(winograd::Weights { input, delta, tile_rows, terms: &mut terms });
+            terms
+        });
         for terms in &pieces {
             arch.dispatch(winograd::GatherWeights { terms, gradient });
         }
         return;
     }
-    let narrow = out_channels <= 2;
-    let pieces: Vec<Vec<f32>> = (0..PIECES)
-        .into_par_iter()
-        .map(|piece| {
-            let mut sum = vec![0.0; gradient.len()];
-            arch.dispatch(Weights {
-                input: values,
-                cols,
-                channels,
-                delta: delta.values(),
-                delta_cols: delta.stored().1,
-                border: delta.border(),
-                out_channels,
-                rows: piece * rows / PIECES..(piece + 1) * rows / PIECES,
-                gradient: &mut sum,
-            });
-            if narrow { swapped(&sum, 9 * channels) } else { sum }
-        })
-        .collect();
+    let pieces = pieces(PIECES, rows, |rows| {
+        let mut sum = vec![0.0; gradient.len()];
+        arch.dispatch(direct::Weights { input, delta, rows, gradient: &mut sum });
+        if out_channels <= 2 { swapped(&sum, 9 * channels) } else { sum }
+    });
     for piece in &pieces {
         for (g, p) in gradient.iter_mut().zip(piece) {
             *g += p;
         }
     }
+}
+
+/// What `sum` makes of each of `count` equal shares of `rows`, in their order.
+fn pieces(count: usize, rows: usize, sum: impl Fn(Range<usize>) -> Vec<f32> + Sync) -> Vec<Vec<f32>> {
+    let shares = (0..count).into_par_iter();
+    shares.map(|piece| sum(piece * rows / count..(piece + 1) * rows / count)).collect()
 }
 
 /// The weights of the transposed convolution: taps in reverse order, channels swapped. (9, a, b) -> (9, b, a)

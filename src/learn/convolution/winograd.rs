@@ -8,7 +8,8 @@
 //! An output depends on its nine inputs alone, to the bit, but on whether its row and column are even, too: tiles of a map
 //! give the whole map's bytes where they begin in even rows and columns.
 
-use super::finish::{Finish, finish};
+use super::finish::{Rows, finish};
+use super::plane::{Image, Plane};
 use pulp::bytemuck::{cast_slice, cast_slice_mut};
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
@@ -170,19 +171,11 @@ impl Scratch {
     }
 }
 
-/// The image whose tiles are transformed: (rows, cols, channels).
-#[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
-    pub(super) values: &'a [f32],
-    pub(super) rows: usize,
-    pub(super) cols: usize,
-}
-
 /// B' d B of the tiles `tiles` of the tile row `row`, all `C` channels, to (16, [`RUN`], C). What lies outside the image is 0.
 #[inline(always)]
 fn spread_tiles<S: Simd, const C: usize>(
     simd: S,
-    source: Source<'_>,
+    source: Image<'_>,
     row: usize,
     tiles: Range<usize>,
     out: &mut [S::f32s],
@@ -323,28 +316,19 @@ fn multiply<S: Simd, const C: usize>(
     }
 }
 
-/// Output rows of one task of a convolution, an even number of them before it.
+/// One task of a convolution; an even number of output rows lie before it.
 pub(super) struct Forward<'a> {
-    pub(super) source: Source<'a>,
-    pub(super) channels: usize,
+    pub(super) input: Image<'a>,
     /// Transformed: (16, channels, out_channels)
     pub(super) weights: &'a [f32],
-    pub(super) out_channels: usize,
-    /// First output row of the task.
-    pub(super) first_row: usize,
-    /// Rows of the task, (rows, stored columns, out_channels)
-    pub(super) out: &'a mut [f32],
-    pub(super) out_cols: usize,
-    /// First stored column that is written.
-    pub(super) left: usize,
-    pub(super) finish: Finish<'a>,
+    pub(super) out: Rows<'a>,
 }
 
 impl WithSimd for Forward<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match self.channels {
+        match self.input.channels {
             32 => self.run::<S, 32>(simd),
             64 => self.run::<S, 64>(simd),
             128 => self.run::<S, 128>(simd),
@@ -356,14 +340,14 @@ impl WithSimd for Forward<'_> {
 impl Forward<'_> {
     #[inline(always)]
     fn run<S: Simd, const C: usize>(self, simd: S) {
-        let width = self.source.cols - 2;
+        let width = self.input.cols - 2;
         let tiles = width.div_ceil(2);
-        let registers = self.out_channels / S::F32_LANES;
+        let registers = self.out.channels / S::F32_LANES;
         let weights: &[S::f32s] = cast_slice(self.weights);
-        let out: &mut [S::f32s] = cast_slice_mut(self.out);
-        let (row, left) = (self.out_cols * registers, self.left * registers);
+        let out: &mut [S::f32s] = cast_slice_mut(self.out.values);
+        let (row, left) = (self.out.cols * registers, self.out.left * registers);
         let mut inputs = Scratch::new(C, S::F32_LANES);
-        let mut sums = Scratch::new(self.out_channels, S::F32_LANES);
+        let mut sums = Scratch::new(self.out.channels, S::F32_LANES);
         let rows = out.len() / row;
         let mut y = 0;
         while y < rows {
@@ -373,7 +357,7 @@ impl Forward<'_> {
             while tile < tiles {
                 let end = if tile + RUN < tiles { tile + RUN } else { tiles };
                 let all = cast_slice_mut(inputs.all());
-                spread_tiles::<S, C>(simd, self.source, (self.first_row + y) / 2, tile..end, all);
+                spread_tiles::<S, C>(simd, self.input, (self.out.first + y) / 2, tile..end, all);
                 for k in 0..TERMS {
                     let weights = &weights[k * C * registers..(k + 1) * C * registers];
                     let sums = cast_slice_mut(sums.term_mut(k));
@@ -384,9 +368,9 @@ impl Forward<'_> {
                 tile = end;
             }
             for (i, row) in out.chunks_exact_mut(row).enumerate() {
-                let start = (self.first_row + y + i) * width * registers;
+                let start = (self.out.first + y + i) * width * registers;
                 let row = &mut row[left..left + width * registers];
-                finish::<S>(simd, row, registers, start, self.finish);
+                finish::<S>(simd, row, registers, start, self.out.finish);
             }
             y = end;
         }
@@ -395,13 +379,9 @@ impl Forward<'_> {
 
 /// Weight gradients from some rows of tiles: the sum over tiles of the products of both transforms.
 pub(super) struct Weights<'a> {
-    pub(super) source: Source<'a>,
-    pub(super) channels: usize,
-    /// (rows, delta_cols, out_channels) with a frame of `border` cells around the output.
-    pub(super) delta: &'a [f32],
-    pub(super) delta_cols: usize,
-    pub(super) border: usize,
-    pub(super) out_channels: usize,
+    pub(super) input: Image<'a>,
+    /// The output's gradient.
+    pub(super) delta: &'a Plane,
     /// Rows of tiles of the task.
     pub(super) tile_rows: Range<usize>,
     /// Added to: (16, channels, out_channels)
@@ -412,7 +392,7 @@ impl WithSimd for Weights<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (self.channels, S::F32_LANES) {
+        match (self.input.channels, S::F32_LANES) {
             (32, 16) => self.run::<S, 32, BLOCK_32>(simd),
             (64, 16) => self.run::<S, 64, BLOCK_32>(simd),
             (128, 16) => self.run::<S, 128, BLOCK_32>(simd),
@@ -427,17 +407,17 @@ impl WithSimd for Weights<'_> {
 impl Weights<'_> {
     /// `B` input channels at a time.
     #[inline(always)]
-    fn run<S: Simd, const C: usize, const B: usize>(mut self, simd: S) {
-        let tiles = (self.source.cols - 2).div_ceil(2);
-        let registers = self.out_channels / S::F32_LANES;
+    fn run<S: Simd, const C: usize, const B: usize>(self, simd: S) {
+        let tiles = self.delta.cols().div_ceil(2);
+        let registers = self.delta.channels() / S::F32_LANES;
         let mut inputs = Scratch::new(C, S::F32_LANES);
-        let mut deltas = Scratch::new(self.out_channels, S::F32_LANES);
+        let mut deltas = Scratch::new(self.delta.channels(), S::F32_LANES);
         let steps = tiles.div_ceil(RUN);
         for step in self.tile_rows.start * steps..self.tile_rows.end * steps {
             let (row, first) = (step / steps, step % steps * RUN);
             let end = if first + RUN < tiles { first + RUN } else { tiles };
             let all = cast_slice_mut(inputs.all());
-            spread_tiles::<S, C>(simd, self.source, row, first..end, all);
+            spread_tiles::<S, C>(simd, self.input, row, first..end, all);
             self.open_tiles(simd, row, first..end, cast_slice_mut(deltas.all()));
             let terms: &mut [S::f32s] = cast_slice_mut(self.terms);
             for k in 0..TERMS {
@@ -450,20 +430,19 @@ impl Weights<'_> {
 
     /// A d A' of the tiles `tiles`.
     #[inline(always)]
-    fn open_tiles<S: Simd>(&mut self, simd: S, row: usize, tiles: Range<usize>, out: &mut [S::f32s]) {
-        let registers = self.out_channels / S::F32_LANES;
+    fn open_tiles<S: Simd>(&self, simd: S, row: usize, tiles: Range<usize>, out: &mut [S::f32s]) {
+        let registers = self.delta.channels() / S::F32_LANES;
         let stride = RUN * registers + 1;
-        let (height, width) = (self.source.rows - 2, self.source.cols - 2);
-        let delta: &[S::f32s] = cast_slice(self.delta);
-        let nothing = vec![0.0; self.out_channels];
+        let (height, width) = (self.delta.rows(), self.delta.cols());
+        let nothing = vec![0.0; self.delta.channels()];
         let nothing: &[S::f32s] = cast_slice(&nothing);
         for (i, tile) in tiles.enumerate() {
             let mut pixels = [nothing; 4];
             for k in 0..4 {
                 let (y, x) = (2 * row + k / 2, 2 * tile + k % 2);
                 if y < height && x < width {
-                    let pixel = (y + self.border) * self.delta_cols + x + self.border;
-                    pixels[k] = &delta[pixel * registers..(pixel + 1) * registers];
+                    let row: &[S::f32s] = cast_slice(self.delta.row(y));
+                    pixels[k] = &row[x * registers..(x + 1) * registers];
                 }
             }
             for r in 0..registers {
