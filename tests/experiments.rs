@@ -3,11 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use assert_cmd::Command;
-use monadnock::experiment::record::Record;
+use monadnock::experiment::record::{DetailRow, Record, TrainingRow};
 use monadnock::experiment::resolve::{Terrain, resolve};
 use monadnock::experiment::run::{Event, RunOptions, run};
-use monadnock::experiment::spec::Kind;
+use monadnock::experiment::spec::{DetailSpec, Kind};
 use monadnock::experiment::{ExperimentSpec, bounds, markdown, report};
+use monadnock::systems::singan::DetailConfig;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -150,6 +151,54 @@ fn bad_values_are_named_with_what_is_allowed() {
     let overlap = &["patch 64,60", "shares cells", "128,0", "apart"];
     unresolved("exemplar", "patches = [[0, 128], [64, 60]]\nexemplar", overlap);
     unresolved("exemplar", "patches = [[500, 0]]\nexemplar", &["500"]);
+}
+
+#[test]
+fn detail_has_names_or_settings_and_other_names_are_refused() {
+    let style = |detail: &str| {
+        let text = SMALL.replace("name = \"thin\"", &format!("name = \"thin\"\ndetail = {detail}"));
+        spec(&text).map(|spec| spec.style[1].detail.clone().unwrap())
+    };
+    assert!(matches!(style("\"patches\"").unwrap(), DetailSpec::Patches(_)));
+    for (detail, config) in [
+        ("\"generators\"", DetailConfig::default()),
+        ("\"paper\"", DetailConfig::paper()),
+        ("{ steps = 3 }", DetailConfig { steps: 3, ..DetailConfig::default() }),
+    ] {
+        assert_eq!(style(detail).unwrap(), DetailSpec::Generators(config), "{detail}");
+    }
+    let error = style("\"published\"").unwrap_err().to_string();
+    for words in ["small.toml", "published", "patches", "generators", "paper"] {
+        assert!(error.contains(words), "{words:?} is missing in: {error}");
+    }
+}
+
+/// With detail and without, and from before there were columns for it.
+#[test]
+fn trainings_are_read_as_they_were_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let record = Record::new(folder.path());
+    let row = |detail, error: &str| TrainingRow {
+        style: "one".into(),
+        area: "sierra".into(),
+        seed: 2,
+        parameters: 100,
+        epochs: 3,
+        seconds: 1.5,
+        preparation_seconds: 0.25,
+        seconds_per_epoch: 0.5,
+        detail,
+        error: error.into(),
+    };
+    let detail = |psnr| Some(DetailRow { seconds: 122.5, gain: 1.25, psnr });
+    let rows = [row(None, "failed, twice"), row(detail(Some(32.125)), ""), row(detail(None), "")];
+    record.write_training(&rows).unwrap();
+    assert_eq!(record.training().unwrap(), rows);
+
+    let old = "style,area,seed,parameters,epochs,seconds,preparation_seconds,seconds_per_epoch,error\n\
+               one,sierra,2,100,3,1.5,0.25,0.5,\"failed, twice\"\n";
+    fs::write(record.path("training.csv"), old).unwrap();
+    assert_eq!(record.training().unwrap(), rows[..1]);
 }
 
 #[test]
