@@ -37,8 +37,8 @@ The output's format follows its ending: .tif (float32), .png (16 bits), .npy, .a
 pub(super) struct GenerateArgs {
     /// The style, as written by `train`
     style: PathBuf,
-    /// The sketch: a GeoJSON file, or one that comes with the program (lambda-ring, meander, p-valley, single-stroke,
-    /// volcano-ring)
+    /// The sketch: a GeoJSON file, or one that comes with the program (a-circle, empty-corner, fault-line, lambda-ring,
+    /// meander, p-valley, single-stroke, volcano-ring)
     #[arg(long, value_name = "S.geojson")]
     sketch: PathBuf,
     /// The terrain to write
