@@ -2,12 +2,12 @@
 //!
 //!     monadnock train grand-canyon -o ours.safetensors --detail-model generators
 //!     monadnock train grand-canyon -o published.safetensors --detail-preset paper
-//!     cargo bench --bench samples -- 20 grand-canyon ours.safetensors published.safetensors
+//!     cargo bench --bench samples -- 20 1,.3 grand-canyon ours.safetensors published.safetensors
 //!
-//! Draws so many terrains of the exemplar's size from every style, seeds 1, 2, ..., and prints one line a style: means of the
-//! sliced Wasserstein distance of 7x7 patches, of the distances of spectra (dB), slopes and curvatures, of the ratio of mean slopes
-//! (each to the exemplar) with their standard errors, the terrains' diversity and the share of them that is copied. All styles must
-//! have learned a window of the terrain.
+//! Draws so many terrains of the exemplar's size from every style in every variety (`SampleUse`), seeds 1, 2, ..., and prints one
+//! line a style and variety: means of the sliced Wasserstein distance of 7x7 patches, of the distances of spectra (dB), slopes and
+//! curvatures, of the ratio of mean slopes (each to the exemplar) with their standard errors, the terrains' diversity and the
+//! share of them that is copied. All styles must have learned a window of the terrain.
 #![allow(clippy::print_stdout, reason = "an experiment prints")]
 
 use monadnock::Result;
@@ -21,36 +21,40 @@ use monadnock::metrics::{
 use monadnock::seed::Seed;
 use monadnock::systems::pipeline::needed_detail;
 use monadnock::systems::region_gnn::Style;
+use monadnock::systems::task::{DetailModel, SampleUse};
 use std::path::Path;
 
 const NAMES: [&str; 5] = ["wasserstein", "spectrum dB", "slope", "curvature", "slope ratio"];
 
 fn main() -> Result<()> {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
-    let [count, terrain, styles @ ..] = &args[..] else {
-        println!("usage: samples COUNT DEM STYLE...");
+    let [count, varieties, terrain, styles @ ..] = &args[..] else {
+        println!("usage: samples COUNT VARIETY,... DEM STYLE...");
         return Ok(());
     };
     let count: u64 = count.parse().expect("a number of terrains");
+    let varieties: Vec<f32> =
+        varieties.split(',').map(|v| v.parse().expect("a variety from 0 to 1")).collect();
     let dem = if bundled::names().any(|name| name == terrain) {
         bundled::load(terrain)?
     } else {
         io::read(Path::new(terrain), &ReadOptions::default())?
     };
-    print!("{:30}", "style");
+    print!("{:30} {:>7}", "style", "variety");
     NAMES.iter().for_each(|name| print!(" {name:>18}"));
     println!(" {:>10} {:>8}", "diversity", "copied");
-    styles.iter().try_for_each(|path| line(path, &dem, count))
+    styles.iter().try_for_each(|path| varieties.iter().try_for_each(|v| line(path, *v, &dem, count)))
 }
 
-fn line(path: &str, dem: &Dem, count: u64) -> Result<()> {
+fn line(path: &str, variety: f32, dem: &Dem, count: u64) -> Result<()> {
     let style = Style::load(Path::new(path))?;
     let e = &style.info.exemplar;
     let window = dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?;
     let (exemplar, valid) = (Normalization::of(&window).normalize(&window), window.valid());
     let detail = needed_detail(&style)?;
+    let what = SampleUse { rows: e.rows, cols: e.cols, variety };
     let terrains: Vec<Grid<f32>> =
-        (1..=count).map(|seed| detail.sample(e.rows, e.cols, Seed(seed))).collect::<Result<_>>()?;
+        (1..=count).map(|seed| detail.sample(&what, Seed(seed))).collect::<Result<_>>()?;
     let mut scores = vec![Vec::new(); NAMES.len()];
     let mut copied = 0.0;
     for terrain in &terrains {
@@ -65,7 +69,7 @@ fn line(path: &str, dem: &Dem, count: u64) -> Result<()> {
         copied += copy_audit(terrain, &exemplar)?.copied_share / count as f64;
     }
     let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
-    print!("{name:30}");
+    print!("{name:30} {variety:>7}");
     for values in &scores {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;

@@ -7,6 +7,7 @@ use crate::dem::{CellSize, Dem};
 use crate::error::Result;
 use crate::systems::pipeline::needed_detail;
 use crate::systems::region_gnn::Style;
+use crate::systems::task::{DetailModel, SampleUse};
 use std::path::PathBuf;
 
 /// Arguments of `sample`.
@@ -14,14 +15,19 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   monadnock sample alps.safetensors --size 256x256 -o alps-like.tif
   monadnock --seed 2 sample alps.safetensors --size 512x1024 -o another.tif
+  monadnock sample alps.safetensors --size 128x128 --variety 0.3 -o variant.tif
 
-The terrain has no plan: its large forms are drawn like its small ones. Every --seed gives another.")]
+The terrain has no plan: its large forms are drawn like its small ones. Every --seed gives another. With less --variety more of
+the exemplar's own plan is kept, in the middle of a larger map.")]
 pub(super) struct SampleArgs {
     /// The style, as written by `train`
     style: PathBuf,
     /// Cells of the map, as HEIGHTxWIDTH
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: (usize, usize),
+    /// How far large forms are from the exemplar's: 0 keeps them and draws only small ones anew, 1 has a layout of its own
+    #[arg(long, value_name = "V", default_value_t = 1.0)]
+    variety: f32,
     /// The terrain to write
     #[arg(short, long)]
     output: PathBuf,
@@ -38,7 +44,8 @@ pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
     keep_inputs(&args.output, &[&args.style])?;
     io::check_name(&args.output)?;
     let range = style.info.normalization;
-    let unit = detail.sample(args.size.0, args.size.1, context.seed)?;
+    let what = SampleUse { rows: args.size.0, cols: args.size.1, variety: args.variety };
+    let unit = detail.sample(&what, context.seed)?;
     let [x, y] = style.info.exemplar.cell_size;
     let dem = Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), CellSize::new(x, y)?)?;
     io::write(&dem, &args.output, &WriteOptions::default())?;

@@ -7,7 +7,7 @@ use super::gpnn::{PatchDetail, PatchInfo};
 use super::region_gnn::style::{Source, StyleConfig, learn_with};
 use super::region_gnn::{Control, EpochReport, Style, needs_correction};
 use super::singan::{self, Detail, DetailConfig, DetailInfo};
-use super::task::{DetailModel, DetailUse, Finishing, Residual, SketchToTerrain};
+use super::task::{DetailModel, DetailUse, Finishing, Residual, SampleUse, SketchToTerrain};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract;
@@ -214,17 +214,6 @@ impl StyleDetail {
             Self::Patches(detail) => detail,
         }
     }
-
-    /// Terrain of the exemplar's kind from noise alone. (rows, cols), in the exemplar's unit interval (which it may leave).
-    ///
-    /// # Errors
-    /// When a side is smaller than 16 cells, or there are more cells than the model can make.
-    pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
-        match self {
-            Self::Generators(detail) => detail.sample(rows, cols, seed),
-            Self::Patches(detail) => detail.sample(rows, cols, seed),
-        }
-    }
 }
 
 impl DetailModel for StyleDetail {
@@ -241,6 +230,10 @@ impl DetailModel for StyleDetail {
 
     fn gain(&self) -> f32 {
         self.model().gain()
+    }
+
+    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>> {
+        self.model().sample(what, seed)
     }
 }
 

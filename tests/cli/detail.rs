@@ -168,6 +168,10 @@ fn terrain_is_amplified_and_drawn_from_noise() {
     assert_eq!(read("a.tif").shape(), (80, 96));
     assert_eq!(heights(&at.join("a.tif")), heights(&at.join("b.tif")));
     fails(at, &["sample", "s.safetensors", "--size", "8", "-o", "x.tif"], 1, &["8x8", "16x16"]);
+    let near = ["sample", "s.safetensors", "--size", "80x96", "-o", "near.tif", "--variety"];
+    done(at, &[&near[..], &["0.2"]].concat());
+    assert_ne!(heights(&at.join("a.tif")), heights(&at.join("near.tif")));
+    fails(at, &[&near[..], &["1.5"]].concat(), 1, &["variety is 1.5", "0 to 1"]);
 }
 
 #[test]

@@ -21,7 +21,7 @@ use crate::grid::{Cell, Grid, gaussian};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
-use crate::systems::task::{DetailModel, DetailUse, Residual, combined, gain_of, gap};
+use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, combined, gain_of, gap};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 use synthesis::{Asked, Pair};
@@ -30,8 +30,6 @@ use synthesis::{Asked, Pair};
 const SMALLEST: usize = 32;
 /// Largest number of its cells: time and memory of a search grow with them.
 const LARGEST: usize = 256 * 256;
-/// Smallest side of a map from noise, cells.
-const SMALLEST_SAMPLE: usize = 16;
 /// Up to so many times the exemplar's own gaps between lines a map's lines are as dense; where they are sparser, the smooth
 /// exemplar is the one without forms below the gaps.
 const AS_DENSE: f64 = 2.0;
@@ -176,20 +174,6 @@ impl PatchDetail {
         Ok(())
     }
 
-    /// Terrain of the exemplar's kind from noise alone (the paper's random generation). (rows, cols), in the unit interval (which
-    /// it may leave).
-    ///
-    /// # Errors
-    /// When a side is smaller than 16 cells, or there are more than 2^25.
-    pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
-        if rows.min(cols) < SMALLEST_SAMPLE {
-            let allowed = format!("allowed: at least {SMALLEST_SAMPLE}x{SMALLEST_SAMPLE}");
-            return Err(Error::value("size to sample", format!("{rows}x{cols}"), allowed));
-        }
-        synthesis::check_cells((rows, cols))?;
-        Ok(sample::sample(&self.truth, rows, cols, seed))
-    }
-
     /// The description and the named tensors, to be stored in any container.
     #[must_use]
     pub fn parts(&self) -> (PatchInfo, Vec<(String, Vec<f32>)>) {
@@ -256,6 +240,13 @@ impl DetailModel for PatchDetail {
 
     fn gain(&self) -> f32 {
         self.record.gain
+    }
+
+    /// The paper's random generation; at most 2^25 cells.
+    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>> {
+        what.validate()?;
+        synthesis::check_cells((what.rows, what.cols))?;
+        Ok(sample::sample(&self.truth, what, seed))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Terrain from noise: the paper's own use of its patches.
 //!
 //! At the coarsest scale random hills become patches of the exemplar in a few rounds; from there on every scale adds what the
-//! exemplar has beyond its next coarser self.
+//! exemplar has beyond its next coarser self. With less variety the exemplar's own layout is mixed into the hills, as in the paper.
 
 use super::patches::{Layers, Waves};
 use super::synthesis::{Exemplars, at, first_scale, kept, shape_at, voted};
@@ -9,7 +9,7 @@ use crate::grid::Grid;
 use crate::grid::resample::resample;
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
-use crate::systems::task::combined;
+use crate::systems::task::{SampleUse, combined};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -19,16 +19,17 @@ const ROUNDS: usize = 10;
 const HILLS: usize = 4;
 /// What votes have averaged away is given back at most so many times.
 const STRONGEST: f32 = 3.0;
-/// Share of the exemplar's tiles that a draw leaves out.
+/// Share of the exemplar's tiles that a draw leaves out; at the coarsest scale only where the layout is new.
 const LEFT_OUT: f64 = 0.5;
 
-/// Terrain of the kind of `truth`, in its unit. (rows, cols), at least 16 each.
-pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) -> Grid<f32> {
+/// Terrain of the kind of `truth`, in its unit.
+pub(super) fn sample(truth: &Grid<f32>, what: &SampleUse, seed: Seed) -> Grid<f32> {
+    let (rows, cols) = (what.rows, what.cols);
     let shortest = [truth.rows() / 2, truth.cols() / 2, rows, cols].into_iter().min().unwrap_or(0);
     let start = first_scale(f64::INFINITY, shortest);
     let waves = Waves::new();
-    let draw = |map: &Layers, exemplars: &Exemplars, slope: f32, seed: Seed| {
-        voted(map, exemplars, &kept(exemplars, LEFT_OUT, seed), &waves, slope)
+    let draw = |map: &Layers, exemplars: &Exemplars, left_out: f64, slope: f32, seed: Seed| {
+        voted(map, exemplars, &kept(exemplars, left_out, seed), &waves, slope)
     };
     let slope = |map: &Grid<f32>| mean_square_slope(map).sqrt() as f32;
 
@@ -38,8 +39,11 @@ pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) ->
     let both = |map: Grid<f32>| Layers { residual: Some(map.clone()), ground: map, marks: None };
     let exemplars = Exemplars::of(&both(level.clone()), &level);
     let mut map = hills(shape_at((rows, cols), start), spread, seed);
+    what.mix(&mut map, &level);
     for round in 0..ROUNDS {
-        let drawn = draw(&both(map), &exemplars, slope(&level), seed.derive_indexed("round", round));
+        let left_out = LEFT_OUT * f64::from(what.variety);
+        let drawn =
+            draw(&both(map), &exemplars, left_out, slope(&level), seed.derive_indexed("round", round));
         map = as_strong(drawn, &level);
     }
     let mut map = map.map(|z| z + mean);
@@ -51,7 +55,7 @@ pub(super) fn sample(truth: &Grid<f32>, rows: usize, cols: usize, seed: Seed) ->
             Exemplars::of(&Layers { ground: smooth.clone(), residual: None, marks: None }, &value);
         let (r, c) = shape_at((rows, cols), scale);
         let layers = Layers { ground: resample(&map, r, c), residual: None, marks: None };
-        let added = draw(&layers, &exemplars, slope(&smooth), seed.derive_indexed("scale", scale));
+        let added = draw(&layers, &exemplars, LEFT_OUT, slope(&smooth), seed.derive_indexed("scale", scale));
         map = combined(&layers.ground, 1.0, &as_strong(added, &value), 1.0);
     }
     map

@@ -107,7 +107,7 @@ fn clusters_find_what_all_keys_have() {
 #[test]
 fn terrain_from_noise_has_the_forms_of_the_exemplar() {
     let model = model();
-    let [one, same, other] = [1, 1, 2].map(|seed| model.sample(40, 57, Seed(seed)).unwrap());
+    let [one, same, other] = [1, 1, 2].map(|seed| model.sample(&SampleUse::new(40, 57), Seed(seed)).unwrap());
     assert_eq!((one.shape(), &one), ((40, 57), &same));
     assert_ne!(one, other);
     let slope = |map: &Grid<f32>| mean_square_slope(map).sqrt();
@@ -116,8 +116,22 @@ fn terrain_from_noise_has_the_forms_of_the_exemplar() {
         assert!((0.7..1.4).contains(&ratio), "{ratio}");
         assert!(map.as_slice().iter().all(|z| (-0.5..1.5).contains(z)));
     }
-    assert!(model.sample(15, 40, Seed(1)).is_err());
-    assert!(model.sample(6000, 6000, Seed(1)).unwrap_err().to_string().contains("at most"));
+    assert!(model.sample(&SampleUse::new(15, 40), Seed(1)).is_err());
+    assert!(model.sample(&SampleUse::new(6000, 6000), Seed(1)).unwrap_err().to_string().contains("at most"));
+}
+
+/// The less variety, the nearer to the exemplar; without any, the coarsest patches are its own.
+#[test]
+fn variety_says_how_much_of_the_layout_is_new() {
+    let model = model();
+    let (rows, cols) = model.truth.shape();
+    let error = |variety: f32| {
+        let map = model.sample(&SampleUse { rows, cols, variety }, Seed(3)).unwrap();
+        let pairs = map.as_slice().iter().zip(model.truth.as_slice());
+        pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let [none, some, all] = [0.0, 0.5, 1.0].map(error);
+    assert!(none < 0.8 * some && some < all, "{none} {some} {all}");
 }
 
 /// Distances of the rows are those of smooth patches in heights, in the units that are given.

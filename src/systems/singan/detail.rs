@@ -1,15 +1,16 @@
 //! A trained detail model and its uses: detail for a given map, and terrain from noise.
 
-use super::config::{DetailConfig, shrunk};
+use super::config::{DetailConfig, View, shrunk};
+use super::network::REACH;
 use super::scale::Scale;
 use super::train::{FIXED_NOISE, noise_field};
 use crate::error::{Error, Result};
-use crate::grid::Grid;
 use crate::grid::resample::resample;
+use crate::grid::{Cell, Grid};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::task::{DetailModel, DetailUse, Residual, gain_of, gap};
+use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, gain_of, gap};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -81,10 +82,20 @@ impl Detail {
 
     /// One scale with noise of its own stream.
     fn pass(&self, scale: usize, up: &Grid<f32>, amplitude: f32, seed: Seed) -> Grid<f32> {
-        let level = &self.scales[scale];
+        let field = (amplitude > 0.0).then(|| self.noise(scale, up.rows(), up.cols(), seed));
+        self.scales[scale].apply(up, field.as_ref(), amplitude)
+    }
+
+    /// A scale's noise in its generator's frame.
+    fn noise(&self, scale: usize, rows: usize, cols: usize, seed: Seed) -> Grid<f32> {
         let mut stream = seed.derive_indexed("noise of scale", scale).stream("field");
-        let field = (amplitude > 0.0).then(|| noise_field(level.lens, up.rows(), up.cols(), &mut stream));
-        level.apply(up, field.as_ref(), amplitude)
+        noise_field(self.scales[scale].lens, rows, cols, &mut stream)
+    }
+
+    /// The coarsest scale's noise that rebuilds the exemplar, in the generator's frame.
+    fn layout_noise(&self) -> Grid<f32> {
+        let (rows, cols) = self.sizes[0];
+        noise_field(self.scales[0].lens, rows, cols, &mut self.fixed_noise.stream(FIXED_NOISE))
     }
 
     /// The exemplar rebuilt from the fixed noise, 0 to 1.
@@ -99,31 +110,11 @@ impl Detail {
     /// The same through the scales that are there, -1 to 1.
     pub(super) fn rebuilt(&self) -> Grid<f32> {
         let (rows, cols) = self.sizes[0];
-        let first = &self.scales[0];
-        let field = noise_field(first.lens, rows, cols, &mut self.fixed_noise.stream(FIXED_NOISE));
-        let mut map = first.apply(&Grid::filled(rows, cols, 0.0), Some(&field), 1.0);
+        let mut map = self.scales[0].apply(&Grid::filled(rows, cols, 0.0), Some(&self.layout_noise()), 1.0);
         for (scale, &(rows, cols)) in self.scales.iter().zip(&self.sizes).skip(1) {
             map = scale.apply(&resample(&map, rows, cols), None, 0.0);
         }
         map
-    }
-
-    /// Terrain of the exemplar's kind from noise alone. (rows, cols), in the exemplar's unit interval (which it may leave).
-    ///
-    /// # Errors
-    /// When a side is smaller than 16 cells.
-    pub fn sample(&self, rows: usize, cols: usize, seed: Seed) -> Result<Grid<f32>> {
-        if rows.min(cols) < 16 {
-            return Err(Error::value("size to sample", format!("{rows}x{cols}"), "allowed: at least 16x16"));
-        }
-        let size = |scale: usize| shrunk((rows, cols), self.cell(scale).recip());
-        let (r, c) = size(0);
-        let mut map = Grid::filled(r, c, 0.0);
-        for scale in 0..self.scales.len() {
-            let (r, c) = size(scale);
-            map = self.pass(scale, &resample(&map, r, c), 1.0, seed);
-        }
-        Ok(map.map(|z| 0.5 * (z + 1.0)))
     }
 
     /// The coarsest scale whose cells are not larger than the forms that stay: detail begins above it.
@@ -198,6 +189,28 @@ impl DetailModel for Detail {
 
     fn gain(&self) -> f32 {
         self.record.gain
+    }
+
+    /// Every scale from the coarsest on, whose noise is mixed from a fresh one and that which rebuilds the exemplar.
+    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>> {
+        what.validate()?;
+        let size = |scale: usize| shrunk((what.rows, what.cols), self.cell(scale).recip());
+        let (first, (r, c)) = (&self.scales[0], size(0));
+        let mut field = self.noise(0, r, c, seed);
+        let layout = match first.lens.view {
+            // The frame of zeros is no layout: inside a larger map it would be a ring.
+            View::Heights => {
+                self.layout_noise().crop(Cell::new(REACH, REACH), self.sizes[0].0, self.sizes[0].1)?
+            }
+            View::Slopes => self.layout_noise(),
+        };
+        what.mix(&mut field, &layout);
+        let mut map = first.apply(&Grid::filled(r, c, 0.0), Some(&field), 1.0);
+        for scale in 1..self.scales.len() {
+            let (r, c) = size(scale);
+            map = self.pass(scale, &resample(&map, r, c), 1.0, seed);
+        }
+        Ok(map.map(|z| 0.5 * (z + 1.0)))
     }
 }
 

@@ -7,7 +7,7 @@ use super::*;
 use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::psnr;
 use crate::seed::Seed;
-use crate::systems::task::{DetailModel, DetailUse};
+use crate::systems::task::{DetailModel, DetailUse, SampleUse};
 use std::sync::OnceLock;
 
 fn ground(side: usize) -> Grid<f32> {
@@ -116,6 +116,30 @@ fn detail_does_not_depend_on_elevation_or_unit() {
     }
 }
 
+/// With less variety terrain from noise is nearer to the exemplar, in either view and wherever it lies in a larger map.
+#[test]
+fn variety_says_how_much_of_the_layout_is_new() {
+    let heights = ground(40);
+    let ours = DetailConfig { steps: 300, ..quick() };
+    let published = DetailConfig { coarsest: 16, fine_width: 32, steps: 50, ..DetailConfig::paper() };
+    for config in [ours, published] {
+        let detail = train(&heights, &[], &config, Seed(1), |_| {}).unwrap();
+        let error = |side: usize, variety: f32| {
+            let what = SampleUse { rows: side, cols: side, variety };
+            let map = detail.sample(&what, Seed(3)).unwrap();
+            let middle = map.crop(Cell::new((side - 40) / 2, (side - 40) / 2), 40, 40).unwrap();
+            let level = |map: &Grid<f32>| map.as_slice().iter().sum::<f32>() / map.len() as f32;
+            let base = level(&middle) - level(&heights);
+            let pairs = middle.as_slice().iter().zip(heights.as_slice());
+            pairs.map(|(a, b)| f64::from(a - b - base).powi(2)).sum::<f64>().sqrt()
+        };
+        for side in [40, 72] {
+            let [none, some, all] = [0.0, 0.5, 1.0].map(|variety| error(side, variety));
+            assert!(none < some && none < 0.8 * all, "{:?}, {side}: {none} {some} {all}", config.view);
+        }
+    }
+}
+
 #[test]
 fn parts_survive_storage_and_damage_is_named() {
     let (info, weights) = model().parts();
@@ -123,7 +147,7 @@ fn parts_survive_storage_and_damage_is_named() {
     let stored: DetailInfo = serde_json::from_str(&text).unwrap();
     let find = |name: &str| Ok(weights.iter().find(|(n, _)| n == name).unwrap().1.clone());
     let again = Detail::from_parts(stored.clone(), find).unwrap();
-    let sample = |d: &Detail| d.sample(40, 60, Seed(3)).unwrap();
+    let sample = |d: &Detail| d.sample(&SampleUse::new(40, 60), Seed(3)).unwrap();
     assert_eq!(sample(&again), sample(model()));
     assert_eq!(sample(&again).shape(), (40, 60));
     assert!(
@@ -149,7 +173,7 @@ fn bad_input_and_divergence_are_named() {
     hole[Cell::new(3, 4)] = f32::NAN;
     let message = model().add(&hole, None, None, &DetailUse::default(), Seed(1)).unwrap_err().to_string();
     assert!(message.contains("row 3, column 4"));
-    assert!(model().sample(8, 80, Seed(1)).is_err());
+    assert!(model().sample(&SampleUse::new(8, 80), Seed(1)).is_err());
     let odd = train(&ground(40), &[ground(24)], &quick(), Seed(1), |_| {}).unwrap_err().to_string();
     assert!(odd.contains("twin"));
 }

@@ -3,6 +3,7 @@
 //! A model says what it would add ([`DetailModel::residual`]); from there on all are alike: the residual is corrected towards
 //! the lines, masked, and added with a strength that is counted from the one that suits the exemplar.
 
+use super::SampleUse;
 use super::calibration::best_gain;
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask, distance};
@@ -101,6 +102,12 @@ pub trait DetailModel: Send + Sync {
 
     /// The share of the residual that suits the exemplar best ([`gain_of`]).
     fn gain(&self) -> f32;
+
+    /// Terrain of the exemplar's kind from noise alone, in the exemplar's unit interval (which it may leave).
+    ///
+    /// # Errors
+    /// When a setting is out of range, or there are more cells than the model can make.
+    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>>;
 
     /// Adds detail to `heights` (the exemplar's unit interval is 0 to 1; any finite heights are allowed). With `lines`, the
     /// answer passes through them to the bit. Where `mask` is given and false the map stays as it is; inside its edge detail

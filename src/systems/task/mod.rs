@@ -3,9 +3,11 @@
 mod calibration;
 mod detail;
 mod random_lines;
+mod sampling;
 
 pub use detail::{DetailModel, DetailUse, Residual, combined, gain_of, gap};
 pub use random_lines::{Ground, RandomHeights, with_random_lines};
+pub use sampling::SampleUse;
 
 use crate::error::Result;
 use crate::grid::Grid;
