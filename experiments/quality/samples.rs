@@ -13,7 +13,7 @@
 use monadnock::Result;
 use monadnock::dem::io::{self, ReadOptions};
 use monadnock::dem::{Dem, Normalization, bundled};
-use monadnock::grid::{Cell, Grid};
+use monadnock::grid::{Cell, Grid, Mask};
 use monadnock::metrics::{
     copy_audit, curvature_distance, diversity, mean_slope_ratio, sliced_wasserstein, slope_distance,
     spectrum_distance,
@@ -43,39 +43,45 @@ fn main() -> Result<()> {
     print!("{:30} {:>7}", "style", "variety");
     NAMES.iter().for_each(|name| print!(" {name:>18}"));
     println!(" {:>10} {:>8}", "diversity", "copied");
-    styles.iter().try_for_each(|path| varieties.iter().try_for_each(|v| line(path, *v, &dem, count)))
+    styles.iter().try_for_each(|path| lines(path, &varieties, &dem, count))
 }
 
-fn line(path: &str, variety: f32, dem: &Dem, count: u64) -> Result<()> {
+fn lines(path: &str, varieties: &[f32], dem: &Dem, count: u64) -> Result<()> {
     let style = Style::load(Path::new(path))?;
     let e = &style.info.exemplar;
     let window = dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?;
     let (exemplar, valid) = (Normalization::of(&window).normalize(&window), window.valid());
     let detail = needed_detail(&style)?;
-    let what = SampleUse { rows: e.rows, cols: e.cols, variety };
-    let terrains: Vec<Grid<f32>> =
-        (1..=count).map(|seed| detail.sample(&what, Seed(seed))).collect::<Result<_>>()?;
+    let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
+    for &variety in varieties {
+        let what = SampleUse { rows: e.rows, cols: e.cols, variety };
+        let drawn = (1..=count).map(|seed| detail.sample(&what, Seed(seed)));
+        print!("{name:30} {variety:>7}");
+        print_scores(&drawn.collect::<Result<Vec<_>>>()?, &exemplar, valid)?;
+    }
+    Ok(())
+}
+
+fn print_scores(terrains: &[Grid<f32>], exemplar: &Grid<f32>, valid: &Mask) -> Result<()> {
     let mut scores = vec![Vec::new(); NAMES.len()];
     let mut copied = 0.0;
-    for terrain in &terrains {
+    for terrain in terrains {
         let found = [
-            sliced_wasserstein(terrain, &exemplar, valid)?,
-            spectrum_distance(terrain, &exemplar, valid)?,
-            slope_distance(terrain, &exemplar, valid)?,
-            curvature_distance(terrain, &exemplar, valid)?,
-            mean_slope_ratio(terrain, &exemplar, valid)?,
+            sliced_wasserstein(terrain, exemplar, valid)?,
+            spectrum_distance(terrain, exemplar, valid)?,
+            slope_distance(terrain, exemplar, valid)?,
+            curvature_distance(terrain, exemplar, valid)?,
+            mean_slope_ratio(terrain, exemplar, valid)?,
         ];
         scores.iter_mut().zip(found).for_each(|(all, one)| all.push(one));
-        copied += copy_audit(terrain, &exemplar)?.copied_share / count as f64;
+        copied += copy_audit(terrain, exemplar)?.copied_share / terrains.len() as f64;
     }
-    let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
-    print!("{name:30} {variety:>7}");
     for values in &scores {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
         print!(" {:>18}", format!("{mean:.4} +- {:.4}", (variance / n).sqrt()));
     }
-    println!(" {:>10.4} {copied:>8.4}", diversity(&terrains)?);
+    println!(" {:>10.4} {copied:>8.4}", diversity(terrains)?);
     Ok(())
 }

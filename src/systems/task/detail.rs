@@ -103,7 +103,8 @@ pub trait DetailModel: Send + Sync {
     /// The share of the residual that suits the exemplar best ([`gain_of`]).
     fn gain(&self) -> f32;
 
-    /// Terrain of the exemplar's kind from noise alone, in the exemplar's unit interval (which it may leave).
+    /// Terrain of the exemplar's kind from noise alone. (`what.rows`, `what.cols`), in the exemplar's unit interval (which it may
+    /// leave); the same for the same seed.
     ///
     /// # Errors
     /// When a setting is out of range, or there are more cells than the model can make.
