@@ -10,7 +10,7 @@ use monadnock::grid::{Cell, Grid};
 use monadnock::metrics::ssim;
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
-use monadnock::style::{Registry, Source, Style, StyleConfig, learn_coarse};
+use monadnock::style::{self, Recipe, Registry, Source, Style, StyleConfig};
 use monadnock::systems::region_gnn::config::Kernel;
 use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Duration;
@@ -36,7 +36,7 @@ fn learn_with(
     seed: Seed,
     control: Control<'_>,
 ) -> monadnock::Result<Style> {
-    learn_coarse(source, &config.extraction, &*config.plan()?, seed, control)
+    style::learn(source, &Recipe::network(config, seed)?, control)
 }
 
 fn learn(source: &Source, config: &StyleConfig) -> monadnock::Result<Style> {
@@ -301,18 +301,21 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
         learn_with(&source(160, 200), &config, Seed(3), control)
     });
     assert!(interrupted.is_err());
+    let other = kept(&part, 12, true, Seed(4)).unwrap_err().to_string();
+    assert!(other.contains("part.gnn-checkpoint") && other.contains("seed"), "{other}");
+    let state = folder.path().join("part.gnn-checkpoint");
+    let good = std::fs::read(&state).unwrap();
+    std::fs::write(&state, b"no checkpoint").unwrap();
+    assert!(kept(&part, 12, true, Seed(3)).unwrap_err().to_string().contains("part.gnn-checkpoint"));
+    std::fs::write(&state, good).unwrap();
     let resumed = kept(&part, 12, true, Seed(3)).unwrap();
+    assert!(!state.exists() && part.exists());
     assert_eq!(weights(&resumed), weights(&never_stopped));
     let losses = |s: &Style| {
         s.network().unwrap().training().history.iter().map(|h| (h.epoch, h.losses)).collect::<Vec<_>>()
     };
     assert_eq!(losses(&resumed), losses(&never_stopped));
     assert_eq!(resumed.network().unwrap().training().epochs, 12);
-
-    let other = kept(&part, 12, true, Seed(4)).unwrap_err().to_string();
-    assert!(other.contains("part") && other.contains("seed"), "{other}");
-    std::fs::write(&part, b"no checkpoint").unwrap();
-    assert!(kept(&part, 12, true, Seed(3)).unwrap_err().to_string().contains("part"));
 }
 
 #[test]

@@ -14,7 +14,7 @@ use monadnock::extract;
 use monadnock::grid::{Cell, Grid};
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
-use monadnock::style::{Source, Style, StyleConfig, learn_coarse};
+use monadnock::style::{Recipe, Source, Style, StyleConfig, learn};
 use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Instant;
 
@@ -26,9 +26,8 @@ fn main() {
         let mut config = StyleConfig::preset(preset);
         config.model.epochs = 40;
         let source = Source::new("sierra", &dem, Cell::new(192, 192), 128, 128).expect("a patch");
-        let plan = config.plan().expect("valid settings");
-        learn_coarse(&source, &config.extraction, &*plan, Seed(1), Control::new(&mut |_| ()))
-            .expect("a training")
+        let recipe = Recipe::network(&config, Seed(1)).expect("valid settings");
+        learn(&source, &recipe, Control::new(&mut |_| ())).expect("a training")
     };
     let (anchored, paper) = (style(Preset::Anchored), style(Preset::Paper));
     let extraction = &anchored.origin.extraction;

@@ -14,7 +14,6 @@ mod fit;
 mod gallery;
 mod measure;
 mod moved;
-mod patches;
 mod pictures;
 pub mod record;
 pub mod report;
@@ -27,7 +26,7 @@ pub mod summary;
 mod table;
 mod validate;
 
+pub use crate::style::{PATCH, choose_exemplar, patch_cells};
 pub use evaluation::{Evaluation, EvaluationConfig, Rebuilt, Row, evaluate};
-pub use patches::{PATCH, choose_exemplar, patch_cells};
 pub use spec::ExperimentSpec;
 pub use table::{Line, aggregate, to_csv};

@@ -1,11 +1,11 @@
 //! From an experiment file to terrain in memory and a file in which nothing is left open.
 
-use super::patches::{PATCH, choose_exemplar, patch_cells};
 use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
 use crate::dem::manifest::Manifest;
 use crate::dem::{CellSize, Dem, bundled};
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid};
+use crate::style::{PATCH, choose_exemplar, patch_cells};
 use crate::style::{Source, fingerprint};
 use std::path::Path;
 

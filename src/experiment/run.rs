@@ -15,10 +15,7 @@ use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
-use crate::style::{
-    Exemplar, GenerationConfig, Registry, Style, StyleConfig, TrainingSummary, learn_coarse, learn_detail,
-    unseen_surface,
-};
+use crate::style::{GenerationConfig, Recipe, Registry, Style, StyleConfig, TrainingSummary, learn, unfinished};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -241,8 +238,6 @@ fn load(path: &Path, wanted: &Wanted<'_>, with_detail: bool) -> Option<Style> {
 
 fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained> {
     let mut told = 0;
-    let checkpoint = wanted.path.with_extension("checkpoint");
-    let detail_checkpoint = wanted.path.with_extension("detail-checkpoint");
     let learned = without_panic(|| {
         let mut progress = |done: &Progress<'_>| {
             if matches!(done.stage, Stage::Coarse(_)) {
@@ -251,38 +246,25 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
                 told = done.step;
             }
         };
-        let kept =
-            |path: &Path| Checkpoints { path: path.to_owned(), interval: CHECKPOINTS, resume: path.exists() };
-        let (source, seed) = (&wanted.area.source, Seed(wanted.seed));
-        let plan = wanted.config.plan()?;
+        let mut recipe = Recipe::network(&wanted.config, Seed(wanted.seed))?;
+        recipe.detail = wanted.style.detail.as_ref().map(DetailSpec::plan).transpose()?;
         // Another style of the experiment, or another experiment, may have trained the coarse model.
-        let known = wanted.style.detail.as_ref().and_then(|_| load(&wanted.coarse, wanted, false));
-        let mut style = match known {
-            Some(style) => style,
-            None => {
-                let checkpoints = Some(kept(&checkpoint));
-                let control = Control { checkpoints, ..Control::new(&mut progress) };
-                learn_coarse(source, &wanted.config.extraction, &*plan, seed, control)?
+        recipe.known = recipe.detail.as_ref().and_then(|_| load(&wanted.coarse, wanted, false));
+        let checkpoints =
+            Some(Checkpoints { path: wanted.path.clone(), interval: CHECKPOINTS, resume: true });
+        let control = Control { checkpoints, ..Control::new(&mut progress) };
+        learn(&wanted.area.source, &recipe, control).or_else(|error| {
+            // A training that failed is not to be continued.
+            if let Some((_, path)) = unfinished(&wanted.path, &recipe) {
+                file::remove(&path)?;
             }
-        };
-        if let Some(detail) = &wanted.style.detail {
-            let exemplar = Exemplar::new(source, &wanted.config.extraction, seed)?;
-            let unseen = unseen_surface(&*plan, &exemplar, Control::new(&mut |_| {}))?;
-            let control =
-                Control { checkpoints: Some(kept(&detail_checkpoint)), ..Control::new(&mut progress) };
-            learn_detail(&mut style, source, &*plan, unseen, &*detail.plan()?, control)?;
-        }
-        Ok(style)
+            Err(error)
+        })
     });
     watch(Event::Steps(wanted.config.model.epochs.saturating_sub(told) as u64));
-    file::remove(&checkpoint)?;
-    file::remove(&detail_checkpoint)?;
     match learned {
-        Ok(style) => {
-            style.save(&wanted.path)?;
-            // As read back, so that a continued run does the same as an uninterrupted one.
-            Style::load(&wanted.path).map(Ok)
-        }
+        // As read back, so that a continued run does the same as an uninterrupted one.
+        Ok(_) => Style::load(&wanted.path).map(Ok),
         Err(error) => {
             let message = format!("training failed: {error}");
             watch(Event::Failed(format!(

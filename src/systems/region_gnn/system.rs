@@ -241,6 +241,12 @@ impl System for RegionNetwork {
         config.model.extractions
     }
 
+    fn untimed(config: &RegionNetworkConfig) -> RegionNetworkConfig {
+        let mut untimed = config.clone();
+        untimed.model.epochs = 1;
+        untimed
+    }
+
     /// Half of the epochs.
     fn for_half(config: &RegionNetworkConfig) -> RegionNetworkConfig {
         let mut half = config.clone();
