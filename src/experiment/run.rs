@@ -15,7 +15,9 @@ use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
-use crate::style::{GenerationConfig, Recipe, Registry, Style, StyleConfig, TrainingSummary, learn, unfinished};
+use crate::style::{
+    GenerationConfig, Recipe, Registry, Style, StyleConfig, TrainingSummary, learn, unfinished,
+};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;

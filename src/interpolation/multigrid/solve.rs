@@ -5,6 +5,7 @@
 use super::cycle::Cycle;
 use super::energy::Energy;
 use super::plane::{Plane, dot, sum_rows};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 
@@ -23,8 +24,13 @@ const MOST_STEPS: usize = 3000;
 /// `known` has at least one true cell, the known values are finite, the shapes agree.
 ///
 /// # Errors
-/// When the residual does not fall to the tolerance.
-pub(in crate::interpolation) fn solve(energy: Energy, known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>> {
+/// When the residual does not fall to the tolerance, or it is stopped.
+pub(in crate::interpolation) fn solve(
+    energy: Energy,
+    known: &Mask,
+    values: &Grid<f64>,
+    stop: &Stop,
+) -> Result<Grid<f64>> {
     let (rows, cols) = known.shape();
     let (known, values) = (known.as_slice(), values.as_slice());
     let on_lines = || values.iter().zip(known).filter(|(_, k)| **k).map(|(v, _)| *v);
@@ -37,7 +43,7 @@ pub(in crate::interpolation) fn solve(energy: Energy, known: &Mask, values: &Gri
     });
     let free = Plane::<f64>::from_fn(rows, cols, |row, col| f64::from(u8::from(!known[row * cols + col])));
     let mut gradients = Gradients::new(energy, free);
-    gradients.descend(&mut x)?;
+    gradients.descend(&mut x, stop)?;
     let surface =
         (0..rows * cols).map(|i| if known[i] { values[i] } else { x.row(i / cols)[i % cols] + middle });
     Grid::from_vec(rows, cols, surface.collect())
@@ -71,17 +77,18 @@ impl Gradients {
     }
 
     /// Moves the free cells of `x` to the surface.
-    fn descend(&mut self, x: &mut Plane<f64>) -> Result<()> {
+    fn descend(&mut self, x: &mut Plane<f64>, stop: &Stop) -> Result<()> {
         let start = self.measure(x);
         if start == 0.0 {
             return Ok(());
         }
         let rows = x.rows();
         let free = Plane::from_fn(rows, x.cols(), |row, col| self.free.row(row)[col] as f32);
-        let mut cycle = Cycle::<f32>::new(self.energy, free);
+        let mut cycle = Cycle::<f32>::new(self.energy, free, stop);
         let done = TOLERANCE * TOLERANCE;
         let (mut squared, mut first_slope, mut slope) = (start, None, None);
         for _ in 0..MOST_STEPS {
+            stop.check()?;
             let scale = squared.sqrt();
             if scale == 0.0 {
                 return Ok(());
@@ -92,6 +99,7 @@ impl Gradients {
                 0.0
             });
             let towards = cycle.run();
+            stop.check()?;
             let now = scale * sum_rows(rows, |row| dot(towards.row(row), residual.row(row)));
             let begun = *first_slope.get_or_insert(now);
             if squared <= done * start && now <= done * begun {

@@ -159,7 +159,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 #[test]
 fn the_correction_meets_the_lines() {
     let lines = lines();
-    let correction = LineCorrection::new(&lines).unwrap();
+    let correction = LineCorrection::new(&lines, &crate::control::Stop::new()).unwrap();
     let heights: Vec<f32> = (0..24 * 30).map(|i| (i as f32 * 0.1).sin()).collect();
     let corrected = correction.correct(&heights);
     for (i, z) in lines.heights().as_slice().iter().enumerate().filter(|(i, _)| lines.mask().as_slice()[*i]) {
