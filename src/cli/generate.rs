@@ -10,8 +10,7 @@ use crate::grid::{Grid, Mask};
 use crate::machine;
 use crate::sketch::LineMap;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
-use crate::systems::pipeline::{add_detail, detail_of, no_detail};
-use crate::systems::region_gnn::Style;
+use crate::style::{Style, add_detail};
 use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
@@ -81,7 +80,7 @@ impl From<RandomHeightsName> for RandomHeights {
 /// What random lines are measured by, metres.
 pub(super) fn ground_of(style: &Style, range: Normalization) -> Ground {
     let metres = range.high() - range.low();
-    Ground { range: (range.low(), range.high()), slope: style.info.mean_slope.map(|slope| slope * metres) }
+    Ground { range: (range.low(), range.high()), slope: style.origin.mean_slope.map(|slope| slope * metres) }
 }
 
 const DETAIL: &str = "Detail";
@@ -115,13 +114,14 @@ impl DetailOptions {
         context: &Context,
     ) -> Result<Grid<f32>> {
         let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
-        let Some(detail) = detail_of(style)?.filter(|_| !self.no_detail) else {
-            return if asked { Err(no_detail()) } else { Ok(terrain) };
-        };
+        if self.no_detail || (style.detail.is_none() && !asked) {
+            return Ok(terrain);
+        }
+        let detail = style.needed_detail()?;
         let mask = self.detail_mask.as_deref().map(|path| mask(path, terrain.shape())).transpose()?;
         let how =
             DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() };
-        add_detail(&terrain, &detail, range, Some(lines), mask.as_ref(), &how, context.seed)
+        add_detail(&terrain, &**detail, range, Some(lines), mask.as_ref(), &how, context.seed, &context.stop)
     }
 }
 
@@ -143,11 +143,11 @@ fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
 /// # Errors
 /// Whatever is wrong with the style, the sketch or the output path.
 pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
-    let style = Style::load(&args.style)?;
+    let style = context.registry.load(&args.style)?;
     check_output(&args.output)?;
     keep_inputs(&args.output, &[&args.style, &args.sketch])?;
     io::check_name(&args.output)?;
-    let range = args.elevation.unwrap_or(style.info.normalization);
+    let range = args.elevation.unwrap_or(style.origin.normalization);
     let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Refuse };
     let options = ReadOptions { missing_heights: missing, ..Default::default() };
     let (reading, scaled_from) = read_sized(&args.sketch, args.size, &options)?;
@@ -169,7 +169,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         None => sketch,
     };
     let lines = sketch.rasterize();
-    let terrain = style.generate(&lines, Some(range), context.seed)?;
+    let terrain = style.generate(&lines, Some(range), context.seed, &context.stop)?;
     let terrain = args.detail.add(&style, terrain, &lines, range, context).map_err(|e| match e {
         Error::Value { .. } => e.in_file(&args.style),
         other => other,
@@ -179,7 +179,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         Some(g) if g.epsg.is_none_or(|code| code != 4326) => {
             CellSize::new(g.transform[0].hypot(g.transform[3]), g.transform[1].hypot(g.transform[4]))?
         }
-        _ => CellSize::new(style.info.exemplar.cell_size[0], style.info.exemplar.cell_size[1])?,
+        _ => CellSize::new(style.origin.exemplar.cell_size[0], style.origin.exemplar.cell_size[1])?,
     };
     let dem = Dem::new(terrain, cell_size)?.at(reading.georeference);
     io::write(&dem, &args.output, &WriteOptions::default())?;
