@@ -2,6 +2,7 @@
 
 use super::Context;
 use super::args::DemInput;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
@@ -69,6 +70,13 @@ pub(super) struct EvalArgs {
 /// # Errors
 /// Whatever is wrong with the style, the DEM, a patch or an output path.
 pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
+    Outputs::new()
+        .writes("--csv", &args.csv, OutputKind::Csv)
+        .writes("--json", &args.json, OutputKind::Json)
+        .writes("--save", &args.save, OutputKind::Folder)
+        .reads(&args.style)
+        .reads(&args.dem.dem)
+        .check()?;
     let style = Style::load(&args.style)?;
     let dem = args.dem.load(&context.console)?;
     let systems = registry::select(&style, &args.systems)?;
