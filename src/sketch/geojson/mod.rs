@@ -30,6 +30,8 @@
 mod checks;
 mod crs;
 mod features;
+#[cfg(test)]
+mod found_tests;
 mod heights;
 mod member;
 mod notes;
