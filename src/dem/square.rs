@@ -88,6 +88,7 @@ mod tests {
         let place = Georeference {
             transform: [0.002, 0.0, 8.0, 0.0, -0.003, 47.0],
             epsg: Some(4326),
+            definition: None,
             raster_space: RasterSpace::PixelIsPoint,
         };
         let size = CellSize::new(20.0, 30.0).unwrap();

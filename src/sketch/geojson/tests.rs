@@ -7,6 +7,7 @@ use proptest::prelude::*;
 const UTM: Georeference = Georeference {
     transform: [30.0, 0.0, 500_000.0, 0.0, -30.0, 4_100_000.0],
     epsg: Some(32611),
+    definition: None,
     raster_space: RasterSpace::PixelIsArea,
 };
 
