@@ -227,14 +227,26 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Row>)> {
     };
     let coordinates = match reading.georeference {
         None => "columns and rows".to_owned(),
-        Some(g) => g.epsg.map_or_else(|| "a local system".to_owned(), |code| format!("EPSG:{code}")),
+        Some(g) => g.coordinates_in_words(),
     };
+    // A place that no size follows from is no failure of looking at it.
+    let ground = reading.georeference.and_then(|g| g.ground((sketch.rows, sketch.cols)).ok());
     let mut table = vec![
         row("sketch", path.display()),
         row("map", format!("{} rows x {} columns", sketch.rows, sketch.cols)),
         row("heights", heights),
         row("coordinates", coordinates),
     ];
+    if let Some(size) = ground.map(|ground| ground.cell_size) {
+        let (x, y) = (size.x(), size.y());
+        let square = size.is_square();
+        let side = if square {
+            metres(size.mean())
+        } else {
+            format!("{} west-east, {} north-south", metres(x), metres(y))
+        };
+        table.push(row("cell size", side));
+    }
     if open > 0 {
         let all = reading.given.iter().flatten().count();
         table.push(row("without height", format!("{open} of {all} vertices")));
@@ -247,7 +259,8 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Row>)> {
 /// Lowest and highest height that the file gives; `None` when it gives none.
 fn given_range(reading: &SketchReading) -> Option<(f64, f64)> {
     let vertices = reading.sketch.strokes.iter().flat_map(|stroke| &stroke.vertices);
-    let mut heights = vertices.zip(reading.given.iter().flatten()).filter(|(_, given)| **given).map(|(v, _)| v.z);
+    let mut heights =
+        vertices.zip(reading.given.iter().flatten()).filter(|(_, given)| **given).map(|(v, _)| v.z);
     let first = heights.next()?;
     Some(heights.fold((first, first), |(low, high), z| (low.min(z), high.max(z))))
 }

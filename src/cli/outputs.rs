@@ -82,7 +82,12 @@ impl<'a> Outputs<'a> {
     }
 
     /// With the output that `option` names.
-    pub(super) fn writes(mut self, option: &'static str, path: impl Into<Option<&'a PathBuf>>, kind: OutputKind) -> Self {
+    pub(super) fn writes(
+        mut self,
+        option: &'static str,
+        path: impl Into<Option<&'a PathBuf>>,
+        kind: OutputKind,
+    ) -> Self {
         self.outputs.extend(path.into().map(|path| Output { option, path, kind }));
         self
     }
@@ -161,7 +166,8 @@ impl Output<'_> {
             return file::check_folder(standing).map_err(|e| unwritable(path, option, standing, e));
         }
         if !above.is_dir() {
-            let found = format!("{} ({})", above.display(), if above.exists() { "a file" } else { "not there" });
+            let found =
+                format!("{} ({})", above.display(), if above.exists() { "a file" } else { "not there" });
             return Err(Error::file(path, "folder", found, "allowed: an existing one"));
         }
         if path.exists() && !path.is_file() {
@@ -251,13 +257,24 @@ mod tests {
         std::fs::create_dir(at.join("a")).unwrap();
         for (one, two) in [("x.json", "x.json"), ("x.json", "a/../x.json"), ("a/./x.json", "a/x.json")] {
             let (one, two) = (at.join(one), at.join(two));
-            let outputs = Outputs::new().writes("--csv", &one, OutputKind::Json).writes("--json", &two, OutputKind::Json);
+            let outputs = Outputs::new().writes("--csv", &one, OutputKind::Json).writes(
+                "--json",
+                &two,
+                OutputKind::Json,
+            );
             refusal(outputs, &["--json", "--csv", "x.json"]);
         }
         let (file, folder_too) = (at.join("new/x.csv"), at.join("new"));
         let apart = at.join("y.csv");
-        Outputs::new().writes("--csv", &apart, OutputKind::Csv).writes("--save", &folder_too, OutputKind::Folder).check().unwrap();
-        refusal(Outputs::new().writes("--csv", &file, OutputKind::Csv), &["new/x.csv", "folder", "not there"]);
+        Outputs::new()
+            .writes("--csv", &apart, OutputKind::Csv)
+            .writes("--save", &folder_too, OutputKind::Folder)
+            .check()
+            .unwrap();
+        refusal(
+            Outputs::new().writes("--csv", &file, OutputKind::Csv),
+            &["new/x.csv", "folder", "not there"],
+        );
     }
 
     #[test]
@@ -271,12 +288,21 @@ mod tests {
         refusal(Outputs::new().writes("--save", &below, OutputKind::Folder), &["x.png", "below", "a file"]);
         refusal(Outputs::new().writes("--save", &file, OutputKind::Folder), &["file", "--save", "a folder"]);
         let as_file = at.to_owned();
-        refusal(Outputs::new().writes("-o", &as_file, OutputKind::Document), &["a folder", "allowed: a file"]);
+        refusal(
+            Outputs::new().writes("-o", &as_file, OutputKind::Document),
+            &["a folder", "allowed: a file"],
+        );
         if cfg!(target_os = "linux") {
             // Not even the superuser creates files there.
             let (file, folder) = (PathBuf::from("/proc/x.png"), PathBuf::from("/proc/x/y"));
-            refusal(Outputs::new().writes("-o", &file, OutputKind::Picture), &["/proc/x.png", "cannot be written"]);
-            refusal(Outputs::new().writes("--save", &folder, OutputKind::Folder), &["/proc/x/y", "cannot be written"]);
+            refusal(
+                Outputs::new().writes("-o", &file, OutputKind::Picture),
+                &["/proc/x.png", "cannot be written"],
+            );
+            refusal(
+                Outputs::new().writes("--save", &folder, OutputKind::Folder),
+                &["/proc/x/y", "cannot be written"],
+            );
         }
     }
 

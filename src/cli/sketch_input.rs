@@ -124,7 +124,11 @@ pub(super) fn read_sized(
 ///
 /// # Errors
 /// When the map is too large.
-pub(super) fn scaled(path: &Path, reading: SketchReading, (rows, cols): (usize, usize)) -> Result<SketchReading> {
+pub(super) fn scaled(
+    path: &Path,
+    reading: SketchReading,
+    (rows, cols): (usize, usize),
+) -> Result<SketchReading> {
     // Before anything is sized by it.
     Sketch::new(rows, cols, Vec::new()).map_err(|e| e.in_file(path))?;
     let drawn = (reading.sketch.rows, reading.sketch.cols);

@@ -115,7 +115,13 @@ impl MapOptions {
     }
 
     /// On the map of a DEM.
-    fn on_terrain(&self, path: &Path, dem: &Path, options: &ReadOptions, console: &Console) -> Result<SketchOnMap> {
+    fn on_terrain(
+        &self,
+        path: &Path,
+        dem: &Path,
+        options: &ReadOptions,
+        console: &Console,
+    ) -> Result<SketchOnMap> {
         let like = Like::read(dem, self.cell_size)?;
         let map = Map { size: like.size, georeference: like.georeference };
         let (mut reading, drawn) = read_on_map(path, map, like.size, options)?;
@@ -172,16 +178,17 @@ impl MapOptions {
         };
         let place = |size| between(b, outline.epsg, size);
         // One cell for all tells how large the map is on the ground.
-        let (whole, _) = ground(&place((1, 1)), (1, 1)).map_err(|e| e.in_file(path))?;
+        let whole = place((1, 1)).ground((1, 1)).map_err(|e| e.in_file(path))?.cell_size;
         let side = self.cell_size.map_or(style.mean(), CellSize::mean);
         let count = |length: f64| ((length / side).round() as usize).max(2);
         let size = self.size.unwrap_or((count(whole.y()), count(whole.x())));
         let georeference = place(size);
         let reading = ReadOptions { size: Some(size), georeference: Some(georeference), ..options.clone() };
         let reading = read_sketch(path, &reading)?;
-        let (cell_size, notes) = ground(&georeference, size).map_err(|e| e.in_file(path))?;
-        let cell_size = self.cell_size.filter(|_| self.size.is_some()).unwrap_or(cell_size);
-        say(path, &notes, console);
+        let cell_size = match self.cell_size.filter(|_| self.size.is_some()) {
+            Some(given) => given,
+            None => cell_on_ground(path, &georeference, size, console)?,
+        };
         console.line(format!(
             "{}: on a map from ({}, {}) to ({}, {}): {}x{} cells of {:.2} m",
             path.display(),
@@ -197,7 +204,13 @@ impl MapOptions {
     }
 
     /// On the map that the file describes.
-    fn as_stated(&self, path: &Path, options: &ReadOptions, style: CellSize, console: &Console) -> Result<SketchOnMap> {
+    fn as_stated(
+        &self,
+        path: &Path,
+        options: &ReadOptions,
+        style: CellSize,
+        console: &Console,
+    ) -> Result<SketchOnMap> {
         let (mut reading, scaled_from) = read_sized(path, self.size, options)?;
         if let Some((rows, cols)) = scaled_from {
             let (to_rows, to_cols) = (reading.sketch.rows, reading.sketch.cols);
@@ -209,16 +222,18 @@ impl MapOptions {
             if self.cell_size.is_none() {
                 let (x, y) = (style.x(), style.y());
                 let side = if x == y { format!("{x:.2} m") } else { format!("{x:.2} m by {y:.2} m") };
-                console.line(format!("{}: has no place: cells of {side}, as the style's (--cell-size)", path.display()));
+                console.line(format!(
+                    "{}: has no place: cells of {side}, as the style's (--cell-size)",
+                    path.display()
+                ));
             }
             return Ok(SketchOnMap { reading, cell_size });
         };
         let size = |reading: &SketchReading| (reading.sketch.rows, reading.sketch.cols);
-        let (mut cell_size, notes) = match self.cell_size {
-            Some(given) => (given, Vec::new()),
-            None => ground(&georeference, size(&reading)).map_err(|e| e.in_file(path))?,
+        let mut cell_size = match self.cell_size {
+            Some(given) => given,
+            None => cell_on_ground(path, &georeference, size(&reading), console)?,
         };
-        say(path, &notes, console);
         // As terrain is: on square cells, unless the caller wants these.
         if let (None, Some(square)) = (self.size, cell_size.square_shape(size(&reading))) {
             let from = size(&reading);
@@ -240,24 +255,26 @@ impl MapOptions {
     }
 }
 
-fn say(path: &Path, notes: &[String], console: &Console) {
-    for note in notes {
-        console.warning(format!("{}: {note}", path.display()));
+/// The size of a cell on the ground; tells what it rests on.
+fn cell_on_ground(
+    path: &Path,
+    place: &Georeference,
+    shape: (usize, usize),
+    console: &Console,
+) -> Result<CellSize> {
+    let ground = place.ground(shape).map_err(|e| e.in_file(path))?;
+    for note in &ground.notes {
+        let text = format!("{}: {note}", path.display());
+        if ground.assumed { console.warning(text) } else { console.line(text) }
     }
-}
-
-/// The size of a cell on the ground, and what that rests on.
-fn ground(georeference: &Georeference, shape: (usize, usize)) -> Result<(CellSize, Vec<String>)> {
-    let _ = shape;
-    let t = georeference.transform;
-    Ok((CellSize::new(t[0].hypot(t[3]), t[1].hypot(t[4]))?, Vec::new()))
+    Ok(ground.cell_size)
 }
 
 /// The place of a map of (rows, columns) between coordinates of a system.
 fn between(b: Bounds, epsg: Option<u32>, (rows, cols): (usize, usize)) -> Georeference {
     let (right, down) = ((b.east - b.west) / cols as f64, (b.south - b.north) / rows as f64);
     let transform = [right, 0.0, b.west, 0.0, down, b.north];
-    Georeference { transform, epsg, raster_space: RasterSpace::PixelIsArea }
+    Georeference { transform, epsg, definition: None, raster_space: RasterSpace::PixelIsArea }
 }
 
 /// A map around the strokes of a sketch that names a system, its longer side so many cells long: (rows, columns) and place.
@@ -274,10 +291,19 @@ fn around(b: Bounds) -> Result<Bounds> {
     let margin = MARGIN * (b.east - b.west).max(b.north - b.south);
     if margin.is_finite() && margin > 0.0 {
         let Bounds { west, south, east, north } = b;
-        return Ok(Bounds { west: west - margin, south: south - margin, east: east + margin, north: north + margin });
+        return Ok(Bounds {
+            west: west - margin,
+            south: south - margin,
+            east: east + margin,
+            north: north + margin,
+        });
     }
     let found = format!("({}, {}) to ({}, {})", b.west, b.south, b.east, b.north);
-    Err(Error::value("bounds of the strokes", found, "no map lies around a single point: give --bounds W,S,E,N"))
+    Err(Error::value(
+        "bounds of the strokes",
+        found,
+        "no map lies around a single point: give --bounds W,S,E,N",
+    ))
 }
 
 /// What is taken from terrain that a sketch is to be like.
@@ -311,7 +337,9 @@ mod tests {
         assert_eq!(bounds("Strokes"), Ok(BoundsOption::Strokes));
         let given = Bounds { west: -7.5, south: 46.0, east: -7.0, north: 46.5 };
         assert_eq!(bounds("-7.5, 46, -7,46.5"), Ok(BoundsOption::Given(given)));
-        for bad in ["", "1,2,3", "1,2,3,4,5", "3,2,1,4", "1,4,3,2", "1,2,1,4", "nan,0,1,1", "0,0,inf,1", "a,b,c,d"] {
+        for bad in
+            ["", "1,2,3", "1,2,3,4,5", "3,2,1,4", "1,4,3,2", "1,2,1,4", "nan,0,1,1", "0,0,inf,1", "a,b,c,d"]
+        {
             assert!(bounds(bad).unwrap_err().contains("WEST,SOUTH,EAST,NORTH"), "{bad}");
         }
         let spared = around(Bounds { west: 0.0, south: 0.0, east: 10.0, north: 4.0 }).unwrap();

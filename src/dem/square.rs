@@ -25,7 +25,8 @@ impl CellSize {
     /// they are square already.
     #[must_use]
     pub fn square_shape(self, (rows, cols): (usize, usize)) -> Option<(usize, usize)> {
-        let count = |cells: usize, length: f64| ((cells as f64 * length / self.mean()).round() as usize).max(2);
+        let count =
+            |cells: usize, length: f64| ((cells as f64 * length / self.mean()).round() as usize).max(2);
         let to = (count(rows, self.y()), count(cols, self.x()));
         (!self.is_square() && to != (rows, cols)).then_some(to)
     }

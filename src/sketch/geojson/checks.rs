@@ -99,13 +99,20 @@ pub(super) fn name_overlaps(strokes: &[Named], (rows, cols): (usize, usize), not
         let shorter = lengths[first].min(lengths[later]);
         if count > CROSSING || (count >= shorter && shorter > 1) {
             let name = format!("{} and {}: {count} cells", strokes[first].name, strokes[later].name);
-            notes.line("of a ridge and a valley that run over the same cells: the later one counts there", &name);
+            notes.line(
+                "of a ridge and a valley that run over the same cells: the later one counts there",
+                &name,
+            );
         }
     }
 }
 
 /// The parts of a reading that a sketch is made of, in the order of the file.
-pub(super) fn apart(strokes: Vec<Named>, rows: usize, cols: usize) -> Result<(Sketch, Vec<Vec<bool>>, Vec<String>)> {
+pub(super) fn apart(
+    strokes: Vec<Named>,
+    rows: usize,
+    cols: usize,
+) -> Result<(Sketch, Vec<Vec<bool>>, Vec<String>)> {
     let (mut plain, mut given, mut names) = (Vec::new(), Vec::new(), Vec::new());
     for named in strokes {
         plain.push(named.stroke);

@@ -3,6 +3,7 @@
 //! GeoJSON of 2008 had a member `crs`, which GDAL and QGIS still write; RFC 7946 took it away and knows longitude and
 //! latitude on WGS 84 alone.
 
+use crate::dem::crs::Crs;
 use serde_json::{Map, Value, json};
 
 /// What the `crs` member of a collection says.
@@ -37,7 +38,7 @@ pub(super) fn is_same(a: u32, b: u32) -> bool {
 /// The system that a collection names; `None` when it has no `crs` member, or null.
 pub(super) fn system_of(collection: &Map<String, Value>) -> Option<NamedSystem> {
     let crs = collection.get("crs").filter(|crs| !crs.is_null())?;
-    let name = crs.pointer("/properties/name").or_else(|| crs.get("name")).unwrap_or(crs);
+    let name = name_in(crs);
     if let Some(name) = name.as_str() {
         return Some(system_named(name));
     }
@@ -47,6 +48,15 @@ pub(super) fn system_of(collection: &Map<String, Value>) -> Option<NamedSystem> 
     let code = number.and_then(|n| n.as_u64().or_else(|| n.as_str()?.trim().parse().ok()));
     let code = code.and_then(|code| u32::try_from(code).ok());
     Some(code.map_or_else(|| NamedSystem::Unknown(super::number::shown(crs)), NamedSystem::Epsg))
+}
+
+fn name_in(crs: &Value) -> &Value {
+    crs.pointer("/properties/name").or_else(|| crs.get("name")).unwrap_or(crs)
+}
+
+/// Metres in a unit of height, where the `crs` member names a vertical system beside the horizontal one.
+pub(super) fn vertical_unit_of(collection: &Map<String, Value>) -> Option<f64> {
+    Crs::parse(name_in(collection.get("crs")?).as_str()?).ok()?.vertical_metres_per_unit()
 }
 
 /// The system of a name such as `EPSG:2056`, `urn:ogc:def:crs:EPSG::2056`, `http://www.opengis.net/def/crs/EPSG/0/2056` or
@@ -62,6 +72,8 @@ fn system_named(name: &str) -> NamedSystem {
         _ if upper.contains("EPSG") && !upper.contains(',') => last.parse().ok(),
         _ => None,
     };
+    // Compound systems, well-known text and the rest.
+    let code = code.or_else(|| Crs::parse(name).ok()?.epsg());
     code.map_or_else(|| NamedSystem::Unknown(format!("`{}`", name.trim())), NamedSystem::Epsg)
 }
 
@@ -99,9 +111,20 @@ mod tests {
             assert_eq!(system(json!({"type": "name", "properties": {"name": name}})), expected, "{name}");
             assert_eq!(system(json!(name)), expected, "{name} alone");
         }
-        assert_eq!(system(json!({"type": "EPSG", "properties": {"code": 2056}})), Some(NamedSystem::Epsg(2056)));
-        assert_eq!(system(json!({"type": "epsg", "properties": {"code": "2056"}})), Some(NamedSystem::Epsg(2056)));
-        for unknown in ["moon", "ESRI:102003", "EPSG:", "EPSG:x", "urn:ogc:def:crs,crs:EPSG::2056,crs:EPSG::5728"] {
+        assert_eq!(
+            system(json!({"type": "EPSG", "properties": {"code": 2056}})),
+            Some(NamedSystem::Epsg(2056))
+        );
+        assert_eq!(
+            system(json!({"type": "epsg", "properties": {"code": "2056"}})),
+            Some(NamedSystem::Epsg(2056))
+        );
+        let compound = json!("EPSG:26911+6360");
+        assert_eq!(system(compound.clone()), Some(NamedSystem::Epsg(26911)));
+        let feet = vertical_unit_of(json!({"crs": compound}).as_object().unwrap()).unwrap();
+        assert!((feet - 1200.0 / 3937.0).abs() < 1e-12, "{feet}");
+        assert_eq!(vertical_unit_of(json!({"crs": "EPSG:26911"}).as_object().unwrap()), None);
+        for unknown in ["moon", "ESRI:102003", "EPSG:", "EPSG:x"] {
             let found = system(json!({"type": "name", "properties": {"name": unknown}}));
             assert_eq!(found, Some(NamedSystem::Unknown(format!("`{unknown}`"))), "{unknown}");
         }

@@ -38,7 +38,12 @@ const GEOMETRIES: &str = "allowed: LineString, MultiLineString, Point, MultiPoin
                           GeometryCollection";
 
 /// The lines of the `number`-th feature (from 1); none when its geometry is null or empty.
-pub(super) fn lines_of(feature: &Value, number: usize, options: &ReadOptions, notes: &mut Notes) -> Result<Vec<RawLine>> {
+pub(super) fn lines_of(
+    feature: &Value,
+    number: usize,
+    options: &ReadOptions,
+    notes: &mut Notes,
+) -> Result<Vec<RawLine>> {
     let name = format!("feature {number}");
     let wrong = |value: &dyn std::fmt::Display, allowed: &str| {
         Error::value(name.clone(), value, format!("allowed: {allowed}"))
@@ -214,7 +219,10 @@ impl Reader<'_> {
             return Err(Error::value(name, shown(value), "allowed: [x, y, z]"));
         };
         if rest.len() > 1 {
-            self.notes.line("with more than three numbers at a vertex: those after the height are not read", self.name);
+            self.notes.line(
+                "with more than three numbers at a vertex: those after the height are not read",
+                self.name,
+            );
         }
         let coordinate = |what: &str, v: &Value| match number(v) {
             Ok(Some(found)) if found.metres_per_unit.is_none() => Ok(found.value),

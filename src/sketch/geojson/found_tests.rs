@@ -71,7 +71,11 @@ fn kinds_stand_under_any_name_in_any_case() {
         }
     }
     let plain = ReadOptions::default();
-    refused(&one(MAP, r#"{"type":"river","id":3}"#, &line(ALONG)), &plain, &["kind", "missing", "`type`, `id`"]);
+    refused(
+        &one(MAP, r#"{"type":"river","id":3}"#, &line(ALONG)),
+        &plain,
+        &["kind", "missing", "`type`, `id`"],
+    );
     refused(&one(MAP, "{}", &line(ALONG)), &plain, &["kind", "missing", "no properties", "--kind-property"]);
     let both = one(MAP, r#"{"type":"ridge","class":"valley"}"#, &line(ALONG));
     refused(&both, &plain, &["kind of feature 1", "both ridge and valley", "`type`", "`class`"]);
@@ -88,7 +92,13 @@ fn kinds_stand_under_any_name_in_any_case() {
 fn heights_in_a_property_count_where_the_coordinates_have_none() {
     let zeros = "[[1,1,0],[9,9,0]]";
     let flat = "[[1,1],[9,9]]";
-    for property in [r#""z":2500"#, r#""Elev":"2500""#, r#""HEIGHT":"2500 m""#, r#""elevation_m":2500"#, r#""ele":2500.0"#] {
+    for property in [
+        r#""z":2500"#,
+        r#""Elev":"2500""#,
+        r#""HEIGHT":"2500 m""#,
+        r#""elevation_m":2500"#,
+        r#""ele":2500.0"#,
+    ] {
         for coordinates in [zeros, flat, "[[1,1,null],[9,9,null]]"] {
             let reading = read(&ridge(&format!(",{property}"), coordinates));
             assert_eq!(heights(&reading), [[2500.0, 2500.0]], "{property} with {coordinates}");
@@ -104,8 +114,16 @@ fn heights_in_a_property_count_where_the_coordinates_have_none() {
         assert_eq!(heights(&read(&ridge(&format!(r#","z":{list}"#), zeros))), [[900.0, 950.0]], "{list}");
     }
     let plain = ReadOptions::default();
-    refused(&ridge(r#","z":[1,2,3]"#, zeros), &plain, &["property `z` of feature 1", "3 heights", "2 vertices"]);
-    refused(&ridge(r#","z":"2,500""#, flat), &plain, &["property `z` of feature 1", "\"2,500\"", "\"2500 m\""]);
+    refused(
+        &ridge(r#","z":[1,2,3]"#, zeros),
+        &plain,
+        &["property `z` of feature 1", "3 heights", "2 vertices"],
+    );
+    refused(
+        &ridge(r#","z":"2,500""#, flat),
+        &plain,
+        &["property `z` of feature 1", "\"2,500\"", "\"2500 m\""],
+    );
     refused(&ridge(r#","z":-9999"#, flat), &plain, &["property `z`", "-9999", "no height", "null"]);
     refused(&ridge("", "[[1,1,-32768],[9,9,900]]"), &plain, &["height of feature 1, vertex 1", "-32768"]);
     // Per line: where the coordinates of one hold heights, they count.
@@ -156,11 +174,19 @@ fn missing_heights_are_null_nan_or_left_out() {
         let reading = parse(&text, &options).unwrap();
         assert_eq!(reading.given, [[true, false, true]], "{gap}");
         assert_eq!(heights(&reading), [[900.0, 0.0, 950.0]]);
-        assert_eq!(reading.warnings.len(), usize::from(gap.contains(",NaN")), "{gap}: {:?}", reading.warnings);
+        assert_eq!(
+            reading.warnings.len(),
+            usize::from(gap.contains(",NaN")),
+            "{gap}: {:?}",
+            reading.warnings
+        );
         refused(&text, &ReadOptions::default(), &["height of feature 1, vertex 2", "missing"]);
     }
     let none = parse(&ridge("", "[[1,1],[9,9]]"), &options).unwrap();
-    assert_eq!((none.given.as_slice(), none.names.as_slice()), (&[vec![false, false]][..], &["feature 1".to_owned()][..]));
+    assert_eq!(
+        (none.given.as_slice(), none.names.as_slice()),
+        (&[vec![false, false]][..], &["feature 1".to_owned()][..])
+    );
 }
 
 #[test]
@@ -169,7 +195,10 @@ fn units_come_from_the_caller_the_number_or_the_file() {
     assert_eq!(heights(&read(&feet)), [[304.8, 609.6]]);
     let options = ReadOptions { metres_per_unit: Some(0.5), ..ReadOptions::default() };
     assert_eq!(heights(&parse(&feet, &options).unwrap()), [[500.0, 1000.0]]);
-    assert_eq!(heights(&parse(&ridge(r#","z":"1000 ft""#, "[[1,1],[9,9]]"), &options).unwrap()), [[500.0, 500.0]]);
+    assert_eq!(
+        heights(&parse(&ridge(r#","z":"1000 ft""#, "[[1,1],[9,9]]"), &options).unwrap()),
+        [[500.0, 500.0]]
+    );
     // A length cannot stand among shares of a range.
     let mixed = ridge(r#","z":"900 m""#, "[[1,1],[9,9,0.5]]").replace("metres", "normalised");
     refused(&mixed, &ReadOptions::default(), &["height of feature 1", "unit", "normalised"]);
@@ -191,7 +220,12 @@ fn every_geometry_with_lines_or_points_in_it_is_read() {
         says(&reading, &["1 line drawn as a polygon: taken as its outline (feature 1)"]);
     }
     for (geometry, strokes) in [
-        (format!(r#"{{"type":"MultiPolygon","coordinates":[[{ring}],[[[1,1,1],[3,1,1],[3,3,1],[1,1,1]]]]}}"#), 2),
+        (
+            format!(
+                r#"{{"type":"MultiPolygon","coordinates":[[{ring}],[[[1,1,1],[3,1,1],[3,3,1],[1,1,1]]]]}}"#
+            ),
+            2,
+        ),
         (r#"{"type":"MultiPoint","coordinates":[[1,1,1],[5,5,1],[9,9,1]]}"#.to_owned(), 3),
         (
             format!(
@@ -202,7 +236,11 @@ fn every_geometry_with_lines_or_points_in_it_is_read() {
             2,
         ),
     ] {
-        assert_eq!(read(&one(MAP, r#"{"kind":"ridge"}"#, &geometry)).sketch.strokes.len(), strokes, "{geometry}");
+        assert_eq!(
+            read(&one(MAP, r#"{"kind":"ridge"}"#, &geometry)).sketch.strokes.len(),
+            strokes,
+            "{geometry}"
+        );
     }
     let bad = r#"{"type":"MultiPolygon","coordinates":[[[1,2,3]]]}"#;
     refused(&one(MAP, r#"{"kind":"ridge"}"#, bad), &ReadOptions::default(), &["feature 1", "a number"]);
@@ -238,6 +276,7 @@ fn a_ridge_and_a_valley_over_the_same_cells_are_named() {
 const UTM: Georeference = Georeference {
     transform: [30.0, 0.0, 500_000.0, 0.0, -30.0, 4_100_000.0],
     epsg: Some(32611),
+    definition: None,
     raster_space: RasterSpace::PixelIsArea,
 };
 
@@ -253,14 +292,21 @@ fn coordinates_on_the_earth_are_no_columns_and_rows() {
         r#""crs":{"type":"EPSG","properties":{"code":4326}},"#,
         r#""crs":"EPSG:4326","#,
     ] {
-        refused(&one(crs, kind, &line(SWISS)), &plain, &["EPSG:4326", "without a map", "--like", "--bounds", "--pixels"]);
+        refused(
+            &one(crs, kind, &line(SWISS)),
+            &plain,
+            &["EPSG:4326", "without a map", "--like", "--bounds", "--pixels"],
+        );
     }
     let other = one(r#""crs":"ESRI:102003","#, kind, &line(SWISS));
     refused(&other, &plain, &["`ESRI:102003`", "without a map", "--like"]);
     // RFC 7946 names no system: what looks like one is refused, too.
-    for coordinates in
-        [SWISS, "[[-71.86,44.92,500],[-71.80,44.90,600]]", "[[6.1,47.3,90],[14.9,54.9,80]]", "[[151.2,-33.8,5],[151.3,-33.7,9]]"]
-    {
+    for coordinates in [
+        SWISS,
+        "[[-71.86,44.92,500],[-71.80,44.90,600]]",
+        "[[6.1,47.3,90],[14.9,54.9,80]]",
+        "[[151.2,-33.8,5],[151.3,-33.7,9]]",
+    ] {
         let text = one("", kind, &line(coordinates));
         refused(&text, &plain, &["look like longitude and latitude", "--like DEM", "--pixels"]);
         let pixels = ReadOptions { coordinates: Coordinates::Pixels, ..plain.clone() };
@@ -293,7 +339,11 @@ fn a_system_is_checked_against_the_map_and_overruled_by_the_caller() {
         assert_eq!(parse(&text(&named(name), utm), &told).unwrap().sketch.strokes[0].vertices[1].x, 10.0);
     }
     says(&parse(&text("", utm), &on_utm).unwrap(), &["names no coordinate system", "EPSG:32611"]);
-    refused(&text("", SWISS), &on_utm, &["0", "look like longitude and latitude", "save the sketch in EPSG:32611"]);
+    refused(
+        &text("", SWISS),
+        &on_utm,
+        &["0", "look like longitude and latitude", "save the sketch in EPSG:32611"],
+    );
     let swapped = "[[4099985,500015,1200],[4099985,500315,1300]]";
     refused(&text(&named("EPSG:32611"), swapped), &on_utm, &["x and y exchanged", "longitude"]);
     // A map without a system takes them as they are, and says so.

@@ -4,14 +4,17 @@ use super::features::RawLine;
 use super::member::{HeightUnit, MapMember};
 use super::notes::Notes;
 use super::reading::{MissingHeights, ReadOptions};
+use crate::dem::crs::unit_in_words;
 use crate::error::{Error, Result};
 use crate::sketch::Vertex;
 
-/// The unit of the heights, and what one stored number is in it.
+/// The unit of the heights, and what one stored number is in it; `vertical` is what the file's coordinate system says of it,
+/// in metres.
 pub(super) fn unit(
     member: Option<&MapMember>,
     options: &ReadOptions,
     lines: &[RawLine],
+    vertical: Option<f64>,
     notes: &mut Notes,
 ) -> Result<(HeightUnit, f64)> {
     let heights = || lines.iter().flat_map(|line| line.points.iter().filter_map(|p| p.z));
@@ -30,6 +33,11 @@ pub(super) fn unit(
     }
     if let Some(stated) = stated {
         return Ok(stated);
+    }
+    if let (Some(metres), true) = (vertical, heights().any(|z| !z.in_metres)) {
+        let unit = unit_in_words(metres);
+        notes.say(format!("The file's vertical coordinate system is in {unit}: so are its heights taken."));
+        return Ok((HeightUnit::Metres, metres));
     }
     let (unit, why) = match in_metres {
         Some(_) if heights().all(|z| z.in_metres) => return Ok((HeightUnit::Metres, 1.0)),

@@ -91,7 +91,9 @@ impl Place {
         let projected = self.target.and_then(|g| g.epsg).filter(|code| *code != super::crs::WGS84);
         match projected {
             Some(code) if self.is_model && like_degrees(lines) => {
-                format!("; their coordinates look like longitude and latitude: save the sketch in EPSG:{code}")
+                format!(
+                    "; their coordinates look like longitude and latitude: save the sketch in EPSG:{code}"
+                )
             }
             _ if !self.is_model && !lines.is_empty() => format!("; {REMEDY}"),
             _ => String::new(),
@@ -133,7 +135,11 @@ fn check_system(target: &Georeference, named: Option<&NamedSystem>, notes: &mut 
 fn check_pixels(stated: Option<&NamedSystem>, lines: &[RawLine]) -> Result<()> {
     if let Some(found) = stated {
         let found = format!("{found}, without a map in it");
-        return Err(Error::value("coordinate system of the sketch", found, format!("a map is needed: {REMEDY}")));
+        return Err(Error::value(
+            "coordinate system of the sketch",
+            found,
+            format!("a map is needed: {REMEDY}"),
+        ));
     }
     let Some(b) = Bounds::of(lines) else { return Ok(()) };
     let (width, height) = (b.east - b.west, b.north - b.south);
@@ -151,7 +157,8 @@ fn check_pixels(stated: Option<&NamedSystem>, lines: &[RawLine]) -> Result<()> {
 
 /// Whether all coordinates could be longitude and latitude.
 fn like_degrees(lines: &[RawLine]) -> bool {
-    Bounds::of(lines).is_some_and(|b| b.west >= -180.0 && b.east <= 180.0 && b.south >= -90.0 && b.north <= 90.0)
+    Bounds::of(lines)
+        .is_some_and(|b| b.west >= -180.0 && b.east <= 180.0 && b.south >= -90.0 && b.north <= 90.0)
 }
 
 /// The rectangle around all vertices, in the file's coordinates.
@@ -210,9 +217,15 @@ pub(super) fn size<'a>(
             let cols = side(vertices().map(|v| v.x).fold(0.0, f64::max)).saturating_add(1);
             if rows.checked_mul(cols).is_none_or(|cells| cells > Sketch::LARGEST) {
                 let found = format!("not stated, and {rows}x{cols} cells would hold the strokes");
-                return Err(Error::value("size of the sketch", found, format!("at most {}; {REMEDY}", Sketch::LARGEST)));
+                return Err(Error::value(
+                    "size of the sketch",
+                    found,
+                    format!("at most {}; {REMEDY}", Sketch::LARGEST),
+                ));
             }
-            notes.say(format!("The file states no map size; {rows}x{cols} cells from (0, 0) hold all its strokes."));
+            notes.say(format!(
+                "The file states no map size; {rows}x{cols} cells from (0, 0) hold all its strokes."
+            ));
             (rows, cols)
         }
     };

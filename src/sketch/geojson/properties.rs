@@ -33,13 +33,19 @@ impl Height {
     ///
     /// # Errors
     /// When it is no height; `name` says where it stands.
-    pub(super) fn read(value: &Value, name: &str, unit: Option<f64>, options: &ReadOptions) -> Result<Option<Self>> {
+    pub(super) fn read(
+        value: &Value,
+        name: &str,
+        unit: Option<f64>,
+        options: &ReadOptions,
+    ) -> Result<Option<Self>> {
         let refuse = || Error::value(name, shown(value), HEIGHTS);
         let Some(Number { value: z, metres_per_unit }) = number(value).map_err(|()| refuse())? else {
             return Ok(None);
         };
         if MARKERS.contains(&z) && metres_per_unit.is_none() {
-            let allowed = "this number stands for \"no height\" in terrain files: write null where it is not known";
+            let allowed =
+                "this number stands for \"no height\" in terrain files: write null where it is not known";
             return Err(Error::value(name, shown(value), allowed));
         }
         // What the caller says of the unit overrules the file.
@@ -97,8 +103,9 @@ impl Properties<'_> {
         let Some(&(key, kind)) = kinds.first() else {
             let others: Vec<_> = self.of.into_iter().flatten().map(|(key, _)| format!("`{key}`")).collect();
             let has = if others.is_empty() { "no properties".to_owned() } else { others.join(", ") };
-            let allowed =
-                format!("allowed: ridge, valley (the feature has {has}; --kind-property NAME tells which one)");
+            let allowed = format!(
+                "allowed: ridge, valley (the feature has {has}; --kind-property NAME tells which one)"
+            );
             return Err(Error::value(format!("property `{wanted}` of {}", self.name), "missing", allowed));
         };
         if let Some((other, _)) = kinds.iter().find(|(_, k)| *k != kind) {

@@ -3,7 +3,7 @@
 //! Cost: linear in the text; the JSON tree takes about twenty times its size while it is read.
 
 use super::checks::{Named, apart, name_overlaps, name_steps, on_the_map};
-use super::crs::{NamedSystem, system_of};
+use super::crs::{NamedSystem, system_of, vertical_unit_of};
 use super::features::{RawLine, lines_of};
 use super::heights::{name_zeros, unit, vertices};
 use super::member::{HeightUnit, MapMember};
@@ -135,8 +135,9 @@ fn text_of(path: &Path) -> Result<String> {
 fn json(text: &str) -> Result<(Value, bool)> {
     let text = text.trim_start_matches('\u{feff}');
     let repaired = without_nan(text);
-    let root = serde_json::from_str(&repaired)
-        .map_err(|e| Error::value("text", format!("not JSON ({e})"), "allowed: a GeoJSON FeatureCollection"))?;
+    let root = serde_json::from_str(&repaired).map_err(|e| {
+        Error::value("text", format!("not JSON ({e})"), "allowed: a GeoJSON FeatureCollection")
+    })?;
     Ok((root, matches!(repaired, Cow::Owned(_))))
 }
 
@@ -145,7 +146,8 @@ fn without_nan(text: &str) -> Cow<'_, str> {
     if !text.contains("NaN") {
         return Cow::Borrowed(text);
     }
-    let (mut out, mut rest, mut quoted, mut any) = (String::with_capacity(text.len() + 16), text, false, false);
+    let (mut out, mut rest, mut quoted, mut any) =
+        (String::with_capacity(text.len() + 16), text, false, false);
     while let Some(at) = rest.find(['"', '\\', 'N']) {
         out.push_str(&rest[..at]);
         let tail = &rest[at..];
@@ -193,7 +195,7 @@ pub fn parse(text: &str, options: &ReadOptions) -> Result<SketchReading> {
         ));
     }
     let place = Place::of(root, member.as_ref(), &lines, options, &mut notes)?;
-    let (unit, per_unit) = unit(member.as_ref(), options, &lines, &mut notes)?;
+    let (unit, per_unit) = unit(member.as_ref(), options, &lines, vertical_unit_of(root), &mut notes)?;
     let mut strokes = Vec::with_capacity(lines.len());
     for line in &lines {
         let (vertices, given) =

@@ -196,7 +196,10 @@ fn the_unit_comes_from_the_caller_the_file_or_the_heights() {
     assert_eq!((told.unit, told.warnings.len()), (HeightUnit::Metres, 0));
     assert_eq!(read_text(&unsaid.replace("0.5", "1800")).unit, HeightUnit::Metres);
     assert_eq!(read_text(&low.replace("metres", "normalized")).unit, HeightUnit::Normalised);
-    mentions(&refusal(&low.replace("metres", "fathoms")), &["monadnock", "fathoms", "normalised", "--metres-per-unit"]);
+    mentions(
+        &refusal(&low.replace("metres", "fathoms")),
+        &["monadnock", "fathoms", "normalised", "--metres-per-unit"],
+    );
     mentions(&read_text(&line("[[0,0,0],[1,5,0]]")).warnings[0], &["Every height of the sketch is 0"]);
 }
 
