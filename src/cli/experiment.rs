@@ -2,6 +2,7 @@
 
 use super::Context;
 use super::console::{Progress, spoken};
+use super::outputs::{OutputKind, Outputs};
 use crate::error::{Error, Result};
 use crate::experiment::record::Record;
 use crate::experiment::resolve::{Terrain, resolve};
@@ -135,14 +136,19 @@ fn twin(path: &Path) -> Result<PathBuf> {
 fn start(args: &RunArgs, context: &Context) -> Result<()> {
     let path = if args.quick { twin(&args.file)? } else { args.file.clone() };
     let spec = ExperimentSpec::read(&path)?;
-    let terrain = Terrain::new(args.data.as_deref())?;
-    let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
     let repeats = path.file_name().is_some_and(|name| name == "resolved.toml");
     if repeats && args.out.is_none() {
         let allowed = "allowed: with --out DIR, so that the record that is repeated stays as it is";
         return Err(Error::file(&path, "--out", "missing", allowed));
     }
     let out = record_of(&path, args.out.as_deref());
+    Outputs::new()
+        .writes("--out", &out, OutputKind::Folder)
+        .writes("--styles", &args.styles, OutputKind::Folder)
+        .reads(&args.peers)
+        .check()?;
+    let terrain = Terrain::new(args.data.as_deref())?;
+    let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
     file::create_folder(&out)?;
     let options = RunOptions {
         out: out.clone(),
@@ -212,8 +218,11 @@ impl Watch<'_> {
 }
 
 fn reports(args: &ReportArgs, context: &Context) -> Result<()> {
+    Outputs::new().writes("--splice", &args.splice, OutputKind::Document).check()?;
     let one = |path: &Path, out: Option<&Path>| -> Result<()> {
-        let record = Record::new(&record_of(path, out));
+        let folder = record_of(path, out);
+        Outputs::new().writes("--out", &folder, OutputKind::Folder).check()?;
+        let record = Record::new(&folder);
         let page = report::write(&record)?;
         context.console.line(page.display().to_string());
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -1,7 +1,8 @@
 //! `monadnock train`: one piece of a DEM becomes a style.
 
 use super::Context;
-use super::args::{CropOption, DemInput, check_output, keep_inputs, read_toml, terrain_name};
+use super::args::{CropOption, DemInput, read_toml, terrain_name};
+use super::outputs::{OutputKind, Outputs};
 use crate::checked::Settings;
 use crate::control::{Checkpoints, Control, Progress};
 use crate::dem::Dem;
@@ -128,6 +129,12 @@ enum DetailPresetName {
 /// # Errors
 /// Whatever is wrong with the input, the configuration or the output path.
 pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Style)
+        .reads(&args.dem.dem)
+        .reads(&args.config)
+        .reads(&args.coarse)
+        .check()?;
     let preset = match args.preset {
         PresetName::Anchored => Preset::Anchored,
         PresetName::Paper => Preset::Paper,
@@ -144,8 +151,6 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     }
     let with_detail = !args.no_detail && (asked || args.detail_model.is_some() || preset != Preset::Paper);
     let dem = args.dem.load(&context.console)?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.dem.dem])?;
     let (origin, rows, cols) = match args.crop.window {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,

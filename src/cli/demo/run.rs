@@ -3,6 +3,7 @@
 use super::report;
 use crate::cli::Context;
 use crate::cli::generate::ground_of;
+use crate::cli::outputs::{OutputKind, Outputs};
 use crate::cli::sketch_input::in_metres;
 use crate::cli::train::{Bounds, train_with_progress, unseen_with_progress};
 use crate::control::Control;
@@ -84,6 +85,7 @@ pub(super) struct Shown {
 /// When the folder cannot be written.
 pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let out = &args.out;
+    Outputs::new().writes("--out", out, OutputKind::Folder).check()?;
     fs::create_dir_all(out).map_err(Error::io(out, "create the folder"))?;
     let mut config = StyleConfig::default();
     if args.quick {
