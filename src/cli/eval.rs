@@ -3,7 +3,7 @@
 use super::Context;
 use super::args::DemInput;
 use crate::dem::io::{self, WriteOptions};
-use crate::dem::{CellSize, Dem};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::experiment::{
     Evaluation, EvaluationConfig, Line, PATCH, Rebuilt, aggregate, evaluate, patch_cells, to_csv,
@@ -108,7 +108,7 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
     }
     if let Some(folder) = &args.save {
         for patch in &evaluation.patches {
-            save(patch, folder, dem.cell_size())?;
+            save(patch, folder, &dem)?;
         }
     }
     context.console.line(table(&aggregate(&evaluation.rows)));
@@ -271,18 +271,19 @@ pub(super) fn table(lines: &[Line]) -> String {
     text
 }
 
-/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres.
-fn save(patch: &Rebuilt, folder: &Path, cell_size: CellSize) -> Result<()> {
+/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres, where the patch lies in `dem`.
+fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
+    let place = dem.georeference().map(|g| g.shifted(patch.origin.row, patch.origin.col));
     let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));
     fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
     let metres = |unit: &Grid<f32>, valid: Mask| -> Result<Dem> {
         let heights = unit.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
-        Dem::with_voids(heights, valid, cell_size)
+        Ok(Dem::with_voids(heights, valid, dem.cell_size())?.at(place))
     };
     let options = WriteOptions::default();
     io::write(&metres(&patch.truth, patch.valid.clone())?, &folder.join("truth.tif"), &options)?;
     let lines = patch.lines.map_heights(|z| patch.normalization.to_metres(f64::from(z)) as f32);
-    geojson::write(&folder.join("sketch.geojson"), &Sketch::trace(&lines), HeightUnit::Metres, None)?;
+    geojson::write(&folder.join("sketch.geojson"), &Sketch::trace(&lines), HeightUnit::Metres, place.as_ref())?;
     for (name, output) in &patch.outputs {
         if let Some(output) = output {
             let everywhere = output.map(|_| true);
