@@ -177,7 +177,13 @@ fn the_scanner_finds_what_is_wrong_and_only_that() {
     );
     let trespasses = |module: &str, text: &str| house(module, text).trespasses().len();
     assert_eq!(trespasses("cli::train", "use crate::systems::a::Net;"), 1);
-    assert_eq!(trespasses("cli::train", "use crate::systems::task::Part; #[cfg(test)] mod t { use crate::systems::a::X; }"), 0);
+    assert_eq!(
+        trespasses(
+            "cli::train",
+            "use crate::systems::task::Part; #[cfg(test)] mod t { use crate::systems::a::X; }"
+        ),
+        0
+    );
     assert_eq!(trespasses("style", "use crate::systems::a::Net;"), 0);
     assert_eq!(trespasses("style", "use crate::systems::a::net::Net;"), 1);
 
@@ -308,7 +314,9 @@ impl House {
     /// Imports of a system by a room that is not `style`, or past the system's door; what tests look at is theirs.
     fn trespasses(&self) -> Vec<String> {
         let mut faults = Vec::new();
-        for Import { from, to, place } in self.sources.iter().filter(|s| !s.is_test).flat_map(Source::own_imports) {
+        for Import { from, to, place } in
+            self.sources.iter().filter(|s| !s.is_test).flat_map(Source::own_imports)
+        {
             if from[0] == "systems" || to[0] != "systems" || to.len() < 2 || to[1] == SHARED_BY_SYSTEMS {
                 continue;
             }
