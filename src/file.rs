@@ -35,6 +35,14 @@ pub fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Reads a text file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`read_whole`]; when it is not UTF-8.
+pub fn read_text(path: &Path, limit: u64) -> Result<String> {
+    String::from_utf8(read_whole(path, limit)?).map_err(|e| Error::file(path, "text", e, "allowed: UTF-8"))
+}
+
 /// Writes `bytes` to `path`, all or nothing; see [`write_atomically`].
 ///
 /// # Errors

@@ -19,6 +19,7 @@ pub mod metrics;
 pub mod viz;
 pub mod learn;
 pub mod systems;
+pub mod evaluate;
 pub mod experiment;
 pub mod cli;
 

@@ -1,10 +1,11 @@
 //! From an experiment file to terrain in memory and a file in which nothing is left open.
 
-use super::patches::{PATCH, choose_exemplar, patch_cells};
-use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
+use super::protocol::SketchSource;
+use super::spec::{AreaSpec, ExperimentSpec, StyleSpec};
 use crate::dem::manifest::Manifest;
 use crate::dem::{CellSize, Dem, bundled};
 use crate::error::{Error, Result};
+use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
 use crate::grid::{Cell, Grid};
 use crate::systems::region_gnn::Source;
 use crate::systems::region_gnn::style::fingerprint;
@@ -81,7 +82,7 @@ pub struct Resolved {
 pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     spec.validate()?;
     let mut spec = spec.clone();
-    if spec.kind == Kind::Exemplar {
+    if spec.kind.name() == "exemplar" {
         spec.area = every_exemplar(&spec, terrain)?;
     }
     let areas: Vec<Area> = spec.area.iter().map(|area| load(&spec, area, terrain)).collect::<Result<_>>()?;
@@ -89,12 +90,16 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
         let e = &area.source.info;
         entry.exemplar = Some(vec![e.row, e.col, e.rows]);
         entry.fingerprint = Some(e.source_sha256.clone());
-        entry.patches = has_patches(spec.kind).then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
+        entry.patches = spec
+            .kind
+            .protocol()
+            .has_test_patches()
+            .then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
     }
     let full = |style: &StyleSpec| -> Result<StyleSpec> {
         Ok(StyleSpec {
             name: style.name.clone(),
-            systems: if spec.kind == Kind::Fit { Vec::new() } else { spec.uses(style)? },
+            systems: if spec.kind.protocol().compares_uses() { spec.uses(style)? } else { Vec::new() },
             preset: None,
             set: toml::Table::new(),
             config: Some(spec.config_of(style)?),
@@ -106,10 +111,10 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     spec.interpolators = spec.interpolator_names()?;
     spec.overrides = toml::Table::new();
     spec.patches_per_area = None;
-    if spec.kind == Kind::Ablation {
+    if spec.kind.name() == "ablation" {
         spec.baseline = spec.baseline.or_else(|| spec.highlight.clone());
     }
-    if !matches!(spec.kind, Kind::Fit | Kind::Exchange) {
+    if spec.kind.protocol().sketch_source() != SketchSource::Areas {
         spec.sketch = spec.sketches();
         for sketch in spec.sketch.iter_mut().filter(|sketch| sketch.drawing.is_none()) {
             sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
@@ -118,11 +123,6 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     }
     spec.validate()?;
     Ok(Resolved { spec, areas })
-}
-
-/// Whether an experiment tests on patches beside the exemplar.
-fn has_patches(kind: Kind) -> bool {
-    !matches!(kind, Kind::Fit | Kind::Drawings)
 }
 
 /// The terrain of an area, as coarse as the area says.
@@ -195,7 +195,7 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
     };
     let source = Source::new(&entry.name, &dem, origin, side, side).map_err(in_area)?;
-    let patches = if has_patches(spec.kind) {
+    let patches = if spec.kind.protocol().has_test_patches() {
         patches(spec, entry, &dem, origin, side).map_err(in_area)?
     } else {
         Vec::new()

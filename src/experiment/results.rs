@@ -1,4 +1,4 @@
-//! Means over the rows of an experiment: of areas, of patches, against the interpolators.
+//! The rows of an experiment, summarised: means of areas and of patches, and against the interpolators.
 //!
 //! Every mean is over the cells (patch and seed) that have a finite score. The mean of all areas is the mean of the areas' means,
 //! so that an area with many patches does not outweigh the others. Differences are taken cell by cell.
@@ -27,7 +27,8 @@ pub struct Stat {
 impl Stat {
     /// Of at least one value.
     #[must_use]
-    pub fn of(values: &[f64]) -> Option<Self> {
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let values: Vec<f64> = values.into_iter().collect();
         let n = values.len();
         if n == 0 {
             return None;
@@ -40,15 +41,20 @@ impl Stat {
 
 /// The rows of an experiment, to be asked for means.
 #[derive(Clone, Debug)]
-pub struct Summaries<'a> {
-    spec: &'a ExperimentSpec,
-    table: &'a ScoreTable,
+pub struct Results<'a> {
+    pub(super) spec: &'a ExperimentSpec,
+    pub(super) table: &'a ScoreTable,
     interpolators: Vec<String>,
+    /// The names of all systems.
+    pub(super) systems: Vec<String>,
+    /// The system that the experiment is about.
+    pub(super) highlight: String,
+    pub(super) sketches: Vec<String>,
     /// Rows of every (system, area, sketch).
     index: BTreeMap<(&'a str, &'a str, &'a str), Vec<&'a ScoreRow>>,
 }
 
-impl<'a> Summaries<'a> {
+impl<'a> Results<'a> {
     /// Of a record's experiment and scores.
     ///
     /// # Errors
@@ -59,7 +65,10 @@ impl<'a> Summaries<'a> {
             let k = &row.key;
             index.entry((k.system.as_str(), k.area.as_str(), k.sketch.as_str())).or_default().push(row);
         }
-        Ok(Self { spec, table, interpolators: spec.interpolator_names()?, index })
+        let (interpolators, systems) = (spec.interpolator_names()?, spec.systems()?);
+        let highlight = spec.highlight.clone().unwrap_or_else(|| systems[0].clone());
+        let sketches = spec.sketches().into_iter().map(|sketch| sketch.name).collect();
+        Ok(Self { spec, table, interpolators, systems, highlight, sketches, index })
     }
 
     /// The interpolators that the experiment compares.
@@ -68,37 +77,60 @@ impl<'a> Summaries<'a> {
         &self.interpolators
     }
 
+    /// The rows of a system in an area.
+    pub(super) fn rows<'s>(&'s self, system: &'s str, area: &'s str, sketch: &'s str) -> &'s [&'s ScoreRow] {
+        self.index.get(&(system, area, sketch)).map_or(&[], Vec::as_slice)
+    }
+
     /// The scores of a system on the cells of an area.
     #[must_use]
     pub fn cells(&self, system: &str, area: &str, sketch: &str, metric: &str) -> Cells {
         let Some(column) = self.table.column(metric) else { return Cells::new() };
-        let rows = self.index.get(&(system, area, sketch)).into_iter().flatten();
+        let rows = self.rows(system, area, sketch).iter();
         let scored = rows.filter_map(|row| Some((row, row.values[column].filter(|v| v.is_finite())?)));
         scored.map(|(row, value)| ((row.key.row, row.key.col, row.key.seed), value)).collect()
     }
 
-    /// Mean and spread over the cells of an area.
-    #[must_use]
-    pub fn of_area(&self, system: &str, area: &str, sketch: &str, metric: &str) -> Option<Stat> {
-        Stat::of(&self.cells(system, area, sketch, metric).into_values().collect::<Vec<_>>())
+    /// The scores of a system in all areas, one after the other.
+    pub(super) fn values(&self, system: &str, sketch: &str, metric: &str) -> Vec<f64> {
+        let areas = self.spec.area.iter();
+        areas.flat_map(|area| self.cells(system, &area.name, sketch, metric).into_values()).collect()
     }
 
-    /// Mean and spread of the areas' means.
+    /// Mean and spread over the cells of an area, or of all areas' means.
     #[must_use]
-    pub fn of_all(&self, system: &str, sketch: &str, metric: &str) -> Option<Stat> {
-        let areas = self.spec.area.iter();
-        let means = areas.filter_map(|area| self.of_area(system, &area.name, sketch, metric));
-        Stat::of(&means.map(|stat| stat.mean).collect::<Vec<_>>())
+    pub fn stat(&self, system: &str, area: Option<&str>, sketch: &str, metric: &str) -> Option<Stat> {
+        let of = |area: &str| Stat::of(self.cells(system, area, sketch, metric).into_values());
+        match area {
+            Some(area) => of(area),
+            None => Stat::of(self.spec.area.iter().filter_map(|area| of(&area.name)).map(|stat| stat.mean)),
+        }
+    }
+
+    /// Every area by name, then `None` for all of them together if there are several.
+    pub(super) fn areas(&self) -> Vec<Option<&'a str>> {
+        let names = self.spec.area.iter().map(|area| Some(area.name.as_str()));
+        names.chain((self.spec.area.len() > 1).then_some(None)).collect()
+    }
+
+    /// The systems that are no interpolators.
+    pub(super) fn style_systems(&self) -> Vec<&str> {
+        self.systems.iter().filter(|s| !self.interpolators.contains(s)).map(String::as_str).collect()
+    }
+
+    /// "3 seeds"
+    pub(super) fn seeds(&self) -> String {
+        match self.spec.seeds.len() {
+            1 => "1 seed".to_owned(),
+            n => format!("{n} seeds"),
+        }
     }
 
     /// The interpolator with the best mean of an area, or of all of them.
     #[must_use]
     pub fn best_interpolator(&self, area: Option<&str>, sketch: &str, metric: &str) -> Option<(&str, f64)> {
-        let of = |name: &String| match area {
-            Some(area) => self.of_area(name, area, sketch, metric),
-            None => self.of_all(name, sketch, metric),
-        };
-        let means = self.interpolators.iter().filter_map(|name| Some((name.as_str(), of(name)?.mean)));
+        let mean = |name: &String| self.stat(name, area, sketch, metric).map(|stat| stat.mean);
+        let means = self.interpolators.iter().filter_map(|name| Some((name.as_str(), mean(name)?)));
         means.reduce(|best, next| if better(metric, next.1, best.1) { next } else { best })
     }
 

@@ -42,7 +42,7 @@ impl EvaluationConfig {
 
 /// The score of one system on one patch.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct PatchScore {
     /// First row of the patch in the DEM.
     pub row: usize,
     /// First column.
@@ -82,22 +82,24 @@ pub struct Rebuilt {
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     /// A row per patch and system, patches in order.
-    pub rows: Vec<Row>,
+    pub rows: Vec<PatchScore>,
     /// The patches, empty unless kept.
     pub patches: Vec<Rebuilt>,
 }
 
 /// Takes lines away from the sketch of the patch at a cell.
-pub(super) type Reduction<'a> = &'a (dyn Fn(LineMap, Cell) -> LineMap + Sync);
+pub type Reduction<'a> = &'a (dyn Fn(LineMap, Cell) -> LineMap + Sync);
 
 /// A patch as it is shown to the systems.
-pub(super) struct Patch {
-    pub(super) normalization: Normalization,
-    /// Unit heights.
-    pub(super) truth: Grid<f32>,
-    pub(super) valid: Mask,
+pub struct Patch {
+    /// Metres to unit.
+    pub normalization: Normalization,
+    /// True heights, unit.
+    pub truth: Grid<f32>,
+    /// False at voids.
+    pub valid: Mask,
     /// What the systems are given, unit heights.
-    pub(super) lines: LineMap,
+    pub lines: LineMap,
 }
 
 impl Patch {
@@ -105,12 +107,7 @@ impl Patch {
     ///
     /// # Errors
     /// When it reaches past the frame, is all void or level, or shows no line.
-    pub(super) fn new(
-        dem: &Dem,
-        origin: Cell,
-        config: &EvaluationConfig,
-        reduce: Reduction<'_>,
-    ) -> Result<Self> {
+    pub fn new(dem: &Dem, origin: Cell, config: &EvaluationConfig, reduce: Reduction<'_>) -> Result<Self> {
         let patch = dem.crop(origin, PATCH, PATCH)?;
         let (low, high) = patch.range();
         if low == high {
@@ -128,12 +125,14 @@ impl Patch {
     }
 
     /// Share of the cells that carry a line.
-    pub(super) fn line_share(&self) -> f64 {
+    #[must_use]
+    pub fn line_share(&self) -> f64 {
         self.lines.line_count() as f64 / self.truth.len() as f64
     }
 
     /// Metres of the unit interval.
-    pub(super) fn relief(&self) -> f64 {
+    #[must_use]
+    pub fn relief(&self) -> f64 {
         self.normalization.high() - self.normalization.low()
     }
 }
@@ -157,8 +156,11 @@ pub fn evaluate(
 }
 
 /// As [`evaluate`], from fewer lines: `reduce` takes some of the patch's.
+///
+/// # Errors
+/// As [`evaluate`].
 #[allow(clippy::too_many_arguments, reason = "those of `evaluate` and one more")]
-pub(super) fn evaluate_reduced(
+pub fn evaluate_reduced(
     dem: &Dem,
     origins: &[Cell],
     systems: &[Named],
@@ -170,10 +172,10 @@ pub(super) fn evaluate_reduced(
 ) -> Result<Evaluation> {
     config.extraction.validate()?;
     config.sketch_extraction().validate()?;
-    let results: Vec<(Vec<Row>, Option<Rebuilt>)> = origins
+    let results: Vec<(Vec<PatchScore>, Option<Rebuilt>)> = origins
         .par_iter()
         .map(|&origin| {
-            let seed = seed.derive(&format!("patch {},{}", origin.row, origin.col));
+            let seed = patch_seed(seed, origin);
             let result = rebuild(dem, origin, systems, config, reduce, seed);
             done();
             let (rows, patch) = result?;
@@ -184,6 +186,12 @@ pub(super) fn evaluate_reduced(
     Ok(Evaluation { rows: rows.concat(), patches: patches.into_iter().flatten().collect() })
 }
 
+/// The seed of the patch at `origin`.
+#[must_use]
+pub fn patch_seed(seed: Seed, origin: Cell) -> Seed {
+    seed.derive(&format!("patch {},{}", origin.row, origin.col))
+}
+
 fn rebuild(
     dem: &Dem,
     origin: Cell,
@@ -191,8 +199,8 @@ fn rebuild(
     config: &EvaluationConfig,
     reduce: Reduction<'_>,
     seed: Seed,
-) -> Result<(Vec<Row>, Option<Rebuilt>)> {
-    let blank = |system: &str, error: String| Row {
+) -> Result<(Vec<PatchScore>, Option<Rebuilt>)> {
+    let blank = |system: &str, error: String| PatchScore {
         row: origin.row,
         col: origin.col,
         system: system.to_owned(),
@@ -220,14 +228,14 @@ fn rebuild(
             let found = extract::ridges_and_valleys(&output, &valid, &config.sketch_extraction())?;
             Ok((scores.with_lines(&lines, &found)?, output))
         });
-        let row = Row { seconds, relief, line_share, ..blank(name, String::new()) };
+        let row = PatchScore { seconds, relief, line_share, ..blank(name, String::new()) };
         match scored {
             Ok((scores, output)) => {
-                rows.push(Row { scores: Some(scores), error: None, ..row });
+                rows.push(PatchScore { scores: Some(scores), error: None, ..row });
                 outputs.push((name.clone(), Some(output)));
             }
             Err(error) => {
-                rows.push(Row { error: Some(error.to_string()), ..row });
+                rows.push(PatchScore { error: Some(error.to_string()), ..row });
                 outputs.push((name.clone(), None));
             }
         }
@@ -239,7 +247,7 @@ fn rebuild(
 fn generated(
     system: &dyn SketchToTerrain,
     systems: &[Named],
-    rows: &[Row],
+    rows: &[PatchScore],
     outputs: &[(String, Option<Grid<f32>>)],
     lines: &LineMap,
     seed: Seed,

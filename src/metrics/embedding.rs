@@ -1,14 +1,6 @@
-//! The states of ridge and valley regions after message passing: do they lie apart (Liu & Benes 2025, Fig. 13)?
-//!
-//! The paper shows a t-SNE. Here numbers stand beside it: the share of the ten nearest states that are of a state's own kind
-//! (and what that would be by chance), and the silhouette (Rousseeuw 1987) of ridge against valley. Kind is an input of the
-//! network, so that some separation is given; how much is left after averaging over pixels is what the numbers say.
+//! How far vectors of two kinds lie apart, and their places in two dimensions.
 
-use super::measure::{Systems, style_of};
-use crate::error::{Error, Result};
 use crate::seed::Seed;
-use crate::sketch::{LineMap, StrokeKind};
-use crate::systems::registry::Named;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -20,43 +12,38 @@ const EARLY: usize = 100;
 /// Effective number of neighbours (there: 5 to 50).
 const PERPLEXITY: f64 = 20.0;
 
-/// A region: its kind and its state.
-pub(super) type State = (StrokeKind, Vec<f32>);
-
-/// The states of a sketch's regions.
-pub(super) fn of(
-    (name, _): &Named,
-    systems: &Systems<'_>,
-    lines: &LineMap,
-    seed: Seed,
-) -> Result<Vec<State>> {
-    let style = style_of(name, systems)?;
-    let states = style.model.region_states(lines, &style.info.config.generation, seed)?;
-    let has = |kind| states.iter().any(|(k, _)| *k == kind);
-    if !has(StrokeKind::Ridge) || !has(StrokeKind::Valley) {
-        return Err(Error::value("kinds of region", 1, "ridges and valleys are needed to tell them apart"));
-    }
-    Ok(states)
+/// How far labelled vectors lie apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Separation {
+    /// Share of the ten nearest vectors that have a vector's own label, mean over all.
+    pub purity: f64,
+    /// What chance gives.
+    pub chance: f64,
+    /// Silhouette (Rousseeuw 1987), mean over all.
+    pub silhouette: f64,
 }
 
+/// A vector with its label.
+pub type Labelled<L> = (L, Vec<f32>);
+
 /// (n x n) squared distances.
-fn squared_distances(states: &[State]) -> Vec<Vec<f64>> {
+fn squared_distances<L>(states: &[Labelled<L>]) -> Vec<Vec<f64>> {
     let square = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
     states.iter().map(|(_, a)| states.iter().map(|(_, b)| square(a, b)).collect()).collect()
 }
 
-/// Purity of the nearest states, the purity that chance gives, silhouette, number of regions.
-pub(super) fn scores(states: &[State]) -> [f64; 4] {
+/// How far vectors of two labels lie apart.
+#[must_use]
+pub fn separation<L: PartialEq>(states: &[Labelled<L>]) -> Separation {
     let n = states.len();
     let distances = squared_distances(states);
-    let ridges = states.iter().filter(|(kind, _)| *kind == StrokeKind::Ridge).count();
     let (mut pure, mut chance, mut silhouette) = (0.0, 0.0, 0.0);
     for (i, (kind, _)) in states.iter().enumerate() {
         let mut others: Vec<usize> = (0..n).filter(|&j| j != i).collect();
         others.sort_by(|&a, &b| distances[i][a].total_cmp(&distances[i][b]).then(a.cmp(&b)));
         let near = &others[..NEAREST.min(others.len())];
         pure += near.iter().filter(|&&j| states[j].0 == *kind).count() as f64 / near.len().max(1) as f64;
-        let own = if *kind == StrokeKind::Ridge { ridges } else { n - ridges };
+        let own = states.iter().filter(|(other, _)| other == kind).count();
         chance += (own - 1) as f64 / (n - 1).max(1) as f64;
         let mean = |same: bool| {
             let of: Vec<f64> = others
@@ -73,11 +60,12 @@ pub(super) fn scores(states: &[State]) -> [f64; 4] {
         }
     }
     let count = n as f64;
-    [pure / count, chance / count, silhouette / count, count]
+    Separation { purity: pure / count, chance: chance / count, silhouette: silhouette / count }
 }
 
 /// t-SNE in two dimensions, exact: all pairs, no tree. The same bytes for the same states and seed.
-pub(super) fn embed(states: &[State], seed: Seed) -> Vec<(f64, f64)> {
+#[must_use]
+pub fn tsne<L>(states: &[Labelled<L>], seed: Seed) -> Vec<(f64, f64)> {
     let n = states.len();
     if n < 3 {
         return (0..n).map(|i| (i as f64, 0.0)).collect();
@@ -162,11 +150,11 @@ mod tests {
     use super::*;
 
     /// Two clouds `apart` from each other.
-    fn clouds(apart: f32) -> Vec<State> {
+    fn clouds(apart: f32) -> Vec<Labelled<bool>> {
         let mut stream = Seed(5).stream("clouds");
         (0..60)
             .map(|i| {
-                let kind = if i % 3 == 0 { StrokeKind::Valley } else { StrokeKind::Ridge };
+                let kind = i % 3 == 0;
                 let shift = if i % 3 == 0 { apart } else { 0.0 };
                 (kind, (0..8).map(|_| shift + stream.sample::<f32, _>(StandardNormal)).collect())
             })
@@ -175,23 +163,23 @@ mod tests {
 
     #[test]
     fn clouds_apart_are_pure_and_mixed_ones_are_chance() {
-        let [pure, chance, silhouette, n] = scores(&clouds(10.0));
-        assert_eq!((pure, n), (1.0, 60.0));
+        let Separation { purity, chance, silhouette } = separation(&clouds(10.0));
+        assert_eq!(purity, 1.0);
         // (40 x 39 + 20 x 19) / (60 x 59)
         assert!((chance - 1940.0 / 3540.0).abs() < 1e-12);
         assert!(silhouette > 0.8, "{silhouette}");
-        let [pure, chance, silhouette, _] = scores(&clouds(0.0));
+        let Separation { purity: pure, chance, silhouette } = separation(&clouds(0.0));
         assert!((pure - chance).abs() < 0.1 && silhouette.abs() < 0.05, "{pure} {chance} {silhouette}");
     }
 
     #[test]
     fn the_embedding_keeps_clouds_apart() {
         let states = clouds(10.0);
-        let points = embed(&states, Seed(1));
-        assert_eq!(points, embed(&states, Seed(1)));
-        let flat: Vec<State> =
+        let points = tsne(&states, Seed(1));
+        assert_eq!(points, tsne(&states, Seed(1)));
+        let flat: Vec<Labelled<bool>> =
             states.iter().zip(&points).map(|((k, _), (x, y))| (*k, vec![*x as f32, *y as f32])).collect();
-        assert!(scores(&flat)[0] > 0.99);
+        assert!(separation(&flat).purity > 0.99);
         assert!(points.iter().all(|(x, y)| x.is_finite() && y.is_finite()));
     }
 }

@@ -1,23 +1,18 @@
-//! The same lines turned, mirrored and shifted: how much of the terrain depends on where north is (Liu & Benes 2025, Fig. 15).
+//! Lines turned, mirrored and shifted about the middle of their map, and terrain moved back.
 //!
-//! A system makes terrain from the lines and from the moved lines; the second is moved back and compared. Turns by 90 degrees,
-//! mirrors and whole shifts move cells; other turns move the traced strokes, and the terrain is read between cells. With a
-//! sketch that moves nothing the two differ in their seed alone.
+//! Turns by 90 degrees, mirrors and whole shifts move cells; other turns move the traced strokes, and terrain is read between
+//! cells.
 
-use super::measure::{Systems, style_of};
-use super::spec::SketchSpec;
+use super::{LineMap, Sketch, SketchPart};
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid};
-use crate::seed::Seed;
-use crate::sketch::{LineMap, Sketch, SketchPart, split_parts};
-use crate::systems::registry::Named;
 
 /// Cells along the frame that are not compared where the frame cut lines off.
 const MARGIN: f64 = 16.0;
 
 /// Where a point (column, row) comes to lie.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Move {
+pub struct Motion {
     cos: f64,
     sin: f64,
     mirror: bool,
@@ -30,9 +25,13 @@ pub(super) struct Move {
     is_whole: bool,
 }
 
-impl Move {
-    pub(super) fn new(sketch: &SketchSpec, (rows, cols): (usize, usize)) -> Result<Self> {
-        let turn = sketch.turn.unwrap_or(0.0);
+impl Motion {
+    /// A mirror (west and east change places), then a turn by `turn` degrees counter-clockwise, then a shift by cells south and
+    /// east, on a map of `rows` x `cols`.
+    ///
+    /// # Errors
+    /// When a map that is not square is to be turned by 90 degrees.
+    pub fn new(turn: f64, mirror: bool, shift: [i32; 2], (rows, cols): (usize, usize)) -> Result<Self> {
         let quarters = turn % 90.0 == 0.0;
         if quarters && turn % 180.0 != 0.0 && rows != cols {
             return Err(Error::value("turn", turn, "a map turned by 90 degrees must be square"));
@@ -41,11 +40,10 @@ impl Move {
         if quarters {
             (sin, cos) = (sin.round(), cos.round());
         }
-        let shift = sketch.shift.unwrap_or([0, 0]);
         Ok(Self {
             cos,
             sin,
-            mirror: sketch.mirror,
+            mirror,
             shift: (f64::from(shift[1]), f64::from(shift[0])),
             middle: ((cols as f64 - 1.0) / 2.0, (rows as f64 - 1.0) / 2.0),
             is_exact: quarters && shift == [0, 0],
@@ -71,7 +69,8 @@ impl Move {
     }
 
     /// The lines moved, cut off at the frame.
-    pub(super) fn lines(&self, lines: &LineMap) -> LineMap {
+    #[must_use]
+    pub fn lines(&self, lines: &LineMap) -> LineMap {
         let (rows, cols) = lines.shape();
         if self.is_whole {
             let mut moved = LineMap::empty(rows, cols);
@@ -89,7 +88,9 @@ impl Move {
         sketch.rasterize()
     }
 
-    fn parts(&self, parts: &[SketchPart], shape: (usize, usize)) -> Vec<SketchPart> {
+    /// The parts moved, of maps of `shape`.
+    #[must_use]
+    pub fn parts(&self, parts: &[SketchPart], shape: (usize, usize)) -> Vec<SketchPart> {
         let moved = |part: &SketchPart| SketchPart {
             cells: part.cells.iter().filter_map(|&cell| self.cell(cell, shape)).collect(),
             ..part.clone()
@@ -98,7 +99,8 @@ impl Move {
     }
 
     /// The height of `output`, made of moved lines, for a cell of the lines; none where they are not to be compared.
-    pub(super) fn back(&self, output: &Grid<f32>, cell: Cell) -> Option<f64> {
+    #[must_use]
+    pub fn back(&self, output: &Grid<f32>, cell: Cell) -> Option<f64> {
         let (rows, cols) = output.shape();
         let (x, y) = self.at(cell.col as f64, cell.row as f64);
         if self.is_exact {
@@ -122,82 +124,24 @@ impl Move {
     }
 }
 
-/// Terrain of the lines and of the moved lines, the latter as it came.
-pub(super) fn pair(
-    (name, system): &Named,
-    systems: &Systems<'_>,
-    lines: &LineMap,
-    sketch: &SketchSpec,
-    seed: Seed,
-) -> Result<(Grid<f32>, Grid<f32>, Move)> {
-    let way = Move::new(sketch, lines.shape())?;
-    let is_at_rest = sketch.turn.is_none() && !sketch.mirror && sketch.shift.is_none();
-    let moved = way.lines(lines);
-    let style = if sketch.same_parts { style_of(name, systems).ok() } else { None };
-    let (before, after) = match style {
-        Some(style) => {
-            let model = &style.model;
-            let parts = split_parts(lines, model.config().parts, seed);
-            let turned = way.parts(&parts, lines.shape());
-            let make = |lines: &LineMap, parts| {
-                model.generate_from_parts(lines, parts, &style.info.config.generation, seed)
-            };
-            (make(lines, parts)?, make(&moved, turned)?)
-        }
-        None => {
-            let other = if is_at_rest { seed.derive("another seed") } else { seed };
-            (system.generate(lines, seed)?, system.generate(&moved, other)?)
-        }
-    };
-    Ok((before, after, way))
-}
-
-/// Largest and root mean square difference, unit heights.
-pub(super) fn differences(
-    named: &Named,
-    systems: &Systems<'_>,
-    lines: &LineMap,
-    sketch: &SketchSpec,
-    seed: Seed,
-) -> Result<[f64; 2]> {
-    let (before, after, way) = pair(named, systems, lines, sketch, seed)?;
-    let (mut max, mut sum, mut count) = (0.0f64, 0.0, 0usize);
-    for (cell, &z) in before.cells() {
-        if let Some(back) = way.back(&after, cell) {
-            let difference = (back - f64::from(z)).abs();
-            max = max.max(difference);
-            sum += difference * difference;
-            count += 1;
-        }
-    }
-    if count == 0 {
-        return Err(Error::value("cells to compare", 0, "a smaller shift is needed"));
-    }
-    Ok([max, (sum / count as f64).sqrt()])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sketch::StrokeKind;
 
-    fn sketch(turn: Option<f64>, mirror: bool, shift: Option<[i32; 2]>) -> SketchSpec {
-        SketchSpec { turn, mirror, shift, ..SketchSpec::default() }
-    }
-
     #[test]
     fn a_quarter_turn_is_counter_clockwise() {
         let mut lines = LineMap::empty(8, 8);
         lines.set(Cell::new(0, 6), StrokeKind::Ridge, 2.0); // north, east of the middle
-        let at = |s: &SketchSpec| {
-            let moved = Move::new(s, (8, 8)).unwrap().lines(&lines);
+        let at = |turn, mirror, shift| {
+            let moved = Motion::new(turn, mirror, shift, (8, 8)).unwrap().lines(&lines);
             let found = moved.kinds().cells().find(|(_, kind)| kind.is_some()).unwrap().0;
             (found.row, found.col)
         };
-        assert_eq!(at(&sketch(Some(90.0), false, None)), (1, 0));
-        assert_eq!(at(&sketch(Some(180.0), false, None)), (7, 1));
-        assert_eq!(at(&sketch(None, true, None)), (0, 1));
-        assert_eq!(at(&sketch(None, false, Some([3, -2]))), (3, 4));
+        assert_eq!(at(90.0, false, [0, 0]), (1, 0));
+        assert_eq!(at(180.0, false, [0, 0]), (7, 1));
+        assert_eq!(at(0.0, true, [0, 0]), (0, 1));
+        assert_eq!(at(0.0, false, [3, -2]), (3, 4));
     }
 
     #[test]
@@ -205,13 +149,10 @@ mod tests {
         // A cone about a point beside the middle, made "from the moved lines".
         let (rows, cols) = (64, 64);
         let height = |x: f64, y: f64| 1.0 - 0.02 * ((x - 35.0).powi(2) + (y - 29.0).powi(2)).sqrt();
-        for s in [
-            sketch(Some(90.0), false, None),
-            sketch(Some(270.0), true, None),
-            sketch(Some(30.0), false, None),
-            sketch(None, false, Some([5, -3])),
-        ] {
-            let way = Move::new(&s, (rows, cols)).unwrap();
+        for (turn, mirror, shift) in
+            [(90.0, false, [0, 0]), (270.0, true, [0, 0]), (30.0, false, [0, 0]), (0.0, false, [5, -3])]
+        {
+            let way = Motion::new(turn, mirror, shift, (rows, cols)).unwrap();
             let (px, py) = way.at(35.0, 29.0);
             let turned = Grid::from_fn(rows, cols, |c| {
                 (1.0 - 0.02 * ((c.col as f64 - px).powi(2) + (c.row as f64 - py).powi(2)).sqrt()) as f32
@@ -224,10 +165,10 @@ mod tests {
                     // Between cells: the tip is cut off by at most half a cell's diagonal, the flank hardly.
                     let at_tip = (x - 35.0).hypot(y - 29.0) < 1.5;
                     let (expected, most) = (height(x, y), if at_tip { 0.0142 } else { 0.0025 });
-                    assert!((back - expected).abs() < most, "{s:?} {cell:?}: {back} {expected}");
+                    assert!((back - expected).abs() < most, "{turn} {cell:?}: {back} {expected}");
                 }
             }
-            assert!(compared > 500, "{s:?}: {compared}");
+            assert!(compared > 500, "{turn}: {compared}");
         }
     }
 }
