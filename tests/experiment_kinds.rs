@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use monadnock::experiment::areas::Terrain;
 use monadnock::experiment::documents::{self, Form};
 use monadnock::experiment::record::Record;
-use monadnock::experiment::resolve::{Terrain, resolve};
+use monadnock::experiment::resolve::resolve;
 use monadnock::experiment::rows::ScoreTable;
 use monadnock::experiment::run::{RunOptions, run};
 use monadnock::experiment::{ExperimentSpec, bounds, report};

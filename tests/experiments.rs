@@ -3,10 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use assert_cmd::Command;
+use monadnock::experiment::areas::Terrain;
 use monadnock::experiment::documents::{self, Form};
+use monadnock::experiment::events::Event;
 use monadnock::experiment::record::{Record, TrainingRow};
-use monadnock::experiment::resolve::{Terrain, resolve};
-use monadnock::experiment::run::{Event, RunOptions, run};
+use monadnock::experiment::resolve::resolve;
+use monadnock::experiment::run::{RunOptions, run};
 use monadnock::experiment::spec::DetailSpec;
 use monadnock::experiment::{ExperimentSpec, Kind, bounds, report};
 use monadnock::systems::singan::DetailConfig;
@@ -91,7 +93,7 @@ fn every_experiment_can_be_run_and_has_a_quick_twin() {
         resolve(spec, &Terrain::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
     }
     let kinds: Vec<Kind> = full.iter().map(|(_, spec)| spec.kind).collect();
-    for kind in Kind::all() {
+    for kind in Kind::ALL {
         assert!(kinds.contains(&kind), "{kind:?}");
     }
 }
@@ -372,7 +374,8 @@ exemplar = [64, 64, 64]
 #[test]
 fn tables_in_documents_are_those_of_the_records() {
     let records = root().join("experiments/records");
-    for document in ["README.md", "docs/experiments.md"] {
+    for document in ["README.md", "docs/results.md", "docs/papers/region_gnn.md"] {
+        assert!(!documents::markers(&root().join(document)).unwrap().is_empty(), "{document}");
         let path = root().join(document);
         assert_eq!(documents::stale(&path, &records).unwrap(), Vec::<String>::new(), "{document}");
     }

@@ -3,10 +3,12 @@
 use super::Context;
 use super::console::Progress;
 use crate::error::{Error, Result};
+use crate::experiment::areas::Terrain;
 use crate::experiment::documents::{self, Form};
+use crate::experiment::events::Event;
 use crate::experiment::record::Record;
-use crate::experiment::resolve::{Terrain, resolve};
-use crate::experiment::run::{Event, RunOptions, run as run_experiment};
+use crate::experiment::resolve::resolve;
+use crate::experiment::run::{RunOptions, run as run_experiment};
 use crate::experiment::{ExperimentSpec, bounds, report};
 use crate::file;
 use crate::viz::duration;
@@ -22,7 +24,7 @@ Examples:
   monadnock experiment run experiments/full/neighbours.toml --data ../shared/data --jobs 2
   monadnock experiment run experiments/full/sparse.toml --data ../shared/data --styles /tmp/styles
   monadnock experiment run experiments/full/neighbours.toml --quick
-  monadnock experiment report experiments/full/neighbours.toml --splice README.md
+  monadnock experiment report experiments/full/neighbours.toml --splice docs/results.md
   monadnock experiment report all
 
 The record of experiments/full/X.toml is in experiments/records/X, that of a quick one in experiments/records/quick/X, of any
@@ -231,16 +233,21 @@ impl Watch<'_> {
 }
 
 fn reports(args: &ReportArgs, context: &Context) -> Result<()> {
-    let wanted = args.splice.as_deref().map(documents::markers).transpose()?;
+    let markers = args.splice.as_deref().map(documents::markers).transpose()?;
     each_record(&args.file, args.out.as_deref(), |path, record| {
         context.console.line(report::write(record)?.display().to_string());
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let Some((document, wanted)) = args.splice.as_ref().zip(wanted.as_ref()) else { return Ok(()) };
-        if args.file.as_os_str() != "all" || wanted.contains(&name) {
-            let content = documents::of_record(record, Form::Markdown)?;
-            let changed = documents::splice(document, &name, &content)?;
+        let (Some(document), Some(markers)) = (&args.splice, &markers) else { return Ok(()) };
+        let of_this = |marker: &&String| documents::experiment_of(marker) == name;
+        let mut wanted: Vec<&str> = markers.iter().filter(of_this).map(String::as_str).collect();
+        if wanted.is_empty() && args.file.as_os_str() != "all" {
+            // Says that the document has no place for it.
+            wanted.push(&name);
+        }
+        for marker in wanted {
+            let changed = documents::splice(document, marker, &documents::of_marker(record, marker)?)?;
             let word = if changed { "tables written" } else { "unchanged" };
-            context.console.line(format!("{}: {name}: {word}", document.display()));
+            context.console.line(format!("{}: {marker}: {word}", document.display()));
         }
         Ok(())
     })
@@ -288,7 +295,7 @@ fn list(folder: &Path, context: &Context) -> Result<()> {
             };
             table = table.row([
                 path.display().to_string(),
-                spec.kind.name().to_owned(),
+                spec.kind.to_string(),
                 spec.area.len().to_string(),
                 spec.seeds.len().to_string(),
                 spec.budget_minutes.to_string(),

@@ -2,7 +2,8 @@
 
 use super::results::{Cells, Results, Stat, difference, of_patches};
 use super::rows::ScoreTable;
-use super::spec::{Against, Bound, ExperimentSpec, Scope, lower_is_better};
+use super::scores::lower_is_better;
+use super::spec::{Against, Bound, ExperimentSpec, Scope};
 use crate::error::Result;
 
 /// How a bound fared.

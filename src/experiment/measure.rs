@@ -2,7 +2,7 @@
 //!
 //! In: a [`Task`] with the trained systems. Out: a [`Measured`] for each system; what fails is one with the error.
 
-use super::resolve::{Area, Resolved};
+use super::areas::{Area, Resolved};
 use super::spec::{Choice, ExperimentSpec, SketchSpec};
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};

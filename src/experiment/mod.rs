@@ -1,11 +1,13 @@
 //! Experiments: comparisons of systems as data files, with a record from which every published number is taken.
 //!
-//! [`ExperimentSpec`] -> [`resolve`](resolve::resolve) -> [`Resolved`](resolve::Resolved) -> [`run`](run::run) -> a record
+//! [`ExperimentSpec`] -> [`resolve`](resolve::resolve) -> [`Resolved`](areas::Resolved) -> [`run`](run::run) -> a record
 //! folder -> [`report`](report::write). What is done with the styles is a protocol, one file each below `protocols/`. The
 //! format of the file and of the record is in `docs/experiments.md`.
 
+pub mod areas;
 pub mod bounds;
 pub mod documents;
+pub mod events;
 mod measure;
 mod overlay;
 mod pictures;
@@ -17,6 +19,7 @@ pub mod resolve;
 pub mod results;
 pub mod rows;
 pub mod run;
+mod scores;
 pub mod spec;
 mod styles;
 mod validate;
@@ -25,5 +28,4 @@ pub use crate::evaluate::{
     Evaluation, EvaluationConfig, PATCH, Rebuilt, aggregate, choose_exemplar, evaluate, patch_cells, to_csv,
 };
 pub use overlay::{overlay, style_config};
-pub use protocol::Kind;
-pub use spec::ExperimentSpec;
+pub use spec::{ExperimentSpec, Kind};

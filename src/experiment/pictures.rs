@@ -1,11 +1,11 @@
 //! Pictures of terrain in a record: what protocols share, and sheets of patches.
 
+use super::areas::{Area, Resolved};
 use super::measure::{Measured, Systems, Task, rebuild, value_of};
 use super::record::Record;
-use super::resolve::{Area, Resolved};
 use super::rows::ScoreTable;
-use super::run::Plan;
 use super::spec::SketchSpec;
+use super::styles::Styles;
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
 use crate::evaluate::{PATCH, Rebuilt};
@@ -22,7 +22,8 @@ const COLUMNS: usize = 4;
 
 /// Where pictures of a record are kept, and what they are made of.
 pub(super) struct Gallery<'a> {
-    plan: &'a Plan<'a>,
+    pub(super) resolved: &'a Resolved,
+    styles: &'a Styles<'a>,
     record: &'a Record,
     /// The first seed, of which pictures are.
     pub(super) seed: u64,
@@ -33,11 +34,12 @@ pub(super) struct Gallery<'a> {
 
 impl<'a> Gallery<'a> {
     /// An empty one.
-    pub(super) fn new(plan: &'a Plan<'a>, record: &'a Record) -> Result<Self> {
+    pub(super) fn new(resolved: &'a Resolved, styles: &'a Styles<'a>, record: &'a Record) -> Result<Self> {
         file::remove(&record.path("pictures"))?;
-        let spec = &plan.resolved.spec;
+        let spec = &resolved.spec;
         Ok(Self {
-            plan,
+            resolved,
+            styles,
             record,
             seed: spec.seeds[0],
             highlight: spec.highlighted()?,
@@ -45,13 +47,9 @@ impl<'a> Gallery<'a> {
         })
     }
 
-    pub(super) fn resolved(&self) -> &'a Resolved {
-        self.plan.resolved
-    }
-
     /// The systems of an area, interpolators among them.
     pub(super) fn systems(&self, area: &Area) -> Result<Systems<'_>> {
-        self.plan.styles.systems(area, self.seed, true)
+        self.styles.systems(area, self.seed, true)
     }
 
     pub(super) fn keep(&self, name: &str, picture: &Picture) -> Result<()> {
@@ -114,7 +112,7 @@ pub(super) fn plain(name: &str) -> String {
 
 /// A sheet for each of a few patches per area: where the highlighted system does worst and best against the interpolators.
 pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
-    let (resolved, seed) = (gallery.resolved(), gallery.seed);
+    let (resolved, seed) = (gallery.resolved, gallery.seed);
     let table = gallery.record.scores()?;
     let interpolators = resolved.spec.interpolator_names()?;
     let against = if interpolators.is_empty() { "PSNR" } else { "PSNR above the best interpolator" };

@@ -3,37 +3,19 @@
 //! A protocol says which scores it gives, what its file may hold, how one patch is measured, and what its scores say. What it
 //! leaves open is that of the plainest one: every test patch is rebuilt from its lines by every system.
 
+use super::areas::{Area, Resolved};
 use super::measure::{Measured, Task, rebuild};
 use super::pictures::{Gallery, patch_sheets};
-use super::protocols::{
-    ablation, cost, disentanglement, drawings, exchange, exemplar, fit, invariance, neighbours, sparse,
-};
 use super::record::{Record, TrainingRow};
-use super::resolve::{Area, Resolved};
 use super::results::Results;
 use super::rows::Timed;
-use super::run::Plan;
-use super::spec::{ExperimentSpec, SketchSpec};
+use super::spec::{ExperimentSpec, Kind, SketchSpec};
+use super::styles::Styles;
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::metrics::Scores;
 use crate::viz::plot::Svg;
 use crate::viz::report::Table;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-/// Every protocol.
-const ALL: [&dyn Protocol; 10] = [
-    &neighbours::Neighbours,
-    &fit::Fit,
-    &sparse::Sparse,
-    &ablation::Ablation,
-    &exemplar::Exemplar,
-    &exchange::Exchange,
-    &drawings::Drawings,
-    &invariance::Invariance,
-    &disentanglement::Disentanglement,
-    &cost::Cost,
-];
 
 /// What the sketches of a file are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +42,8 @@ pub(super) type Plot = (String, Svg, String);
 
 /// What is known when all rows are scored.
 pub(super) struct Finished<'a> {
-    pub(super) plan: &'a Plan<'a>,
+    pub(super) resolved: &'a Resolved,
+    pub(super) styles: &'a Styles<'a>,
     pub(super) record: &'a Record,
     pub(super) trainings: &'a [TrainingRow],
     /// Largest memory of the process up to the end of the trainings, bytes.
@@ -70,9 +53,6 @@ pub(super) struct Finished<'a> {
 
 /// What is done with the trained styles.
 pub(super) trait Protocol: Sync {
-    /// Its name in files.
-    fn name(&self) -> &'static str;
-
     /// The columns of `scores.csv`.
     fn columns(&self) -> Vec<&'static str> {
         Scores::names().to_vec()
@@ -147,56 +127,17 @@ pub(super) trait Protocol: Sync {
     }
 }
 
-/// The protocol of an experiment, by its name in files.
-#[derive(Clone, Copy)]
-pub struct Kind(&'static dyn Protocol);
-
-impl Kind {
-    /// Every protocol.
-    pub fn all() -> impl Iterator<Item = Self> {
-        ALL.into_iter().map(Self)
-    }
-
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        self.0.name()
-    }
-
-    pub(super) fn protocol(self) -> &'static dyn Protocol {
-        self.0
-    }
-}
-
-impl PartialEq for Kind {
-    fn eq(&self, other: &Self) -> bool {
-        self.name() == other.name()
-    }
-}
-
-impl std::fmt::Debug for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl Serialize for Kind {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name())
-    }
-}
-
-impl<'de> Deserialize<'de> for Kind {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let name = String::deserialize(deserializer)?;
-        Self::all().find(|kind| kind.name() == name).ok_or_else(|| {
-            let known: Vec<&str> = Self::all().map(Self::name).collect();
-            serde::de::Error::custom(format!("kind is {name:?}; allowed: {}", known.join(", ")))
-        })
-    }
-}
-
 /// An error about a key that the protocol does not read.
 pub(super) fn not_for(kind: Kind, key: impl Into<String>, found: impl std::fmt::Display, why: &str) -> Error {
-    Error::value(key, found, format!("not for kind = {:?}: {why}", kind.name()))
+    Error::value(key, found, format!("not for kind = \"{kind}\": {why}"))
+}
+
+/// An error unless `holds`.
+pub(super) fn check(
+    holds: bool,
+    key: impl Into<String>,
+    found: impl std::fmt::Display,
+    allowed: &str,
+) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::value(key, found, allowed)) }
 }

@@ -14,7 +14,6 @@
 //! [`pack`](Record::pack) keeps of it what a repository should hold: tables as `.csv.xz`, which are read like the others, and
 //! `summary.md`.
 
-use super::protocols::cost::StageRow;
 use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint, csv_lines, csv_table};
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
@@ -107,6 +106,34 @@ pub struct TrainingRow {
     pub detail_psnr: Option<f64>,
     /// Why it failed; empty when it did not.
     pub error: String,
+}
+
+/// Seconds and memory of a stage: a row of `stages.csv`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StageRow {
+    pub(super) stage: String,
+    pub(super) system: String,
+    /// How often it was measured.
+    pub(super) n: usize,
+    /// Mean.
+    pub(super) seconds: f64,
+    /// Largest memory of the process up to then.
+    pub(super) peak_memory_mb: Option<u64>,
+}
+
+impl StageRow {
+    /// The mean of several measurements.
+    pub(super) fn new(stage: &str, system: &str, seconds: &[f64], peak: Option<u64>) -> Self {
+        let mean = seconds.iter().sum::<f64>() / seconds.len().max(1) as f64;
+        Self {
+            stage: stage.to_owned(),
+            system: system.to_owned(),
+            n: seconds.len(),
+            seconds: (mean * 1e5).round() / 1e5,
+            peak_memory_mb: peak.map(|bytes| bytes / 1_000_000),
+        }
+    }
 }
 
 impl MachineInfo {

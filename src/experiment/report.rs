@@ -5,9 +5,10 @@
 use super::bounds;
 use super::pictures::plain;
 use super::protocol::{Finding, Plot};
+use super::protocols;
 use super::record::{MachineInfo, Record, TrainingRow};
 use super::results::Results;
-use super::spec::lower_is_better;
+use super::scores::{decimals, lower_is_better, title};
 use crate::error::Result;
 use crate::file;
 use crate::viz::Picture;
@@ -35,37 +36,13 @@ pub fn write(record: &Record) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// The name of a score with its unit and how it is to be read.
-pub(super) fn title(metric: &str) -> String {
-    let words = match metric {
-        "ssim" => "SSIM",
-        "psnr" => "PSNR, dB",
-        "interior_ssim" => "SSIM without the 8-cell border",
-        "interior_psnr" => "PSNR without the 8-cell border, dB",
-        "border_psnr" => "PSNR of the 8-cell border, dB",
-        "rmse" => "root mean square error, unit heights",
-        "mean_slope_ratio" => "mean slope over the true one (1 is right)",
-        "spectrum_distance" => "distance of the spectra, dB",
-        other => return other.replace('_', " "),
-    };
-    words.to_owned()
-}
-
-fn decimals(metric: &str) -> usize {
-    match metric {
-        m if m.ends_with("psnr") || m == "spectrum_distance" => 2,
-        m if m.contains("l_g") || m.ends_with("_difference") => 6,
-        _ => 4,
-    }
-}
-
 fn draw(
     results: &Results<'_>,
     record: &Record,
     machine: &MachineInfo,
     training: &[TrainingRow],
 ) -> Result<String> {
-    let (spec, protocol) = (results.spec, results.spec.kind.protocol());
+    let (spec, protocol) = (results.spec, protocols::of(results.spec.kind));
     file::remove(&record.path("plots"))?;
     file::create_folder(&record.path("plots"))?;
     let mut report = Report::new(&spec.title).summary(&spec.question).summary(conditions(results, machine));

@@ -4,7 +4,8 @@
 //! so that an area with many patches does not outweigh the others. Differences are taken cell by cell.
 
 use super::rows::{ScoreRow, ScoreTable};
-use super::spec::{ExperimentSpec, lower_is_better};
+use super::scores::lower_is_better;
+use super::spec::ExperimentSpec;
 use crate::error::Result;
 use std::collections::BTreeMap;
 

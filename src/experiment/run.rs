@@ -3,11 +3,13 @@
 //! In: a [`Resolved`] experiment and a folder. Out: the record ([`Record`]). The scores do not depend on the number of jobs
 //! or threads, nor on how often the run was interrupted. Cost: the trainings, each with the memory of one.
 
+use super::areas::{Area, Resolved};
+use super::events::{Event, without_panic};
 use super::measure::{Task, value_of};
 use super::pictures::Gallery;
 use super::protocol::{Finished, Protocol};
+use super::protocols;
 use super::record::{Record, Session};
-use super::resolve::{Area, Resolved};
 use super::rows::{Key, ScoreRow, Timed};
 use super::spec::{ExperimentSpec, SketchSpec};
 use super::styles::Styles;
@@ -33,33 +35,6 @@ pub struct RunOptions {
     pub styles: Option<PathBuf>,
 }
 
-/// What happens while an experiment runs; told from several threads.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// So many styles are to be trained, in so many steps.
-    Training {
-        /// Styles.
-        styles: usize,
-        /// Styles that an earlier run has trained.
-        cached: usize,
-        /// Steps of all that are left.
-        steps: u64,
-    },
-    /// So many steps of a training more are done.
-    Steps(u64),
-    /// So many rows are to be scored.
-    Scoring {
-        /// Rows left.
-        rows: u64,
-        /// Rows that an earlier run has scored.
-        kept: u64,
-    },
-    /// So many rows more are scored.
-    Scored(u64),
-    /// Something failed, which is a row with its error.
-    Failed(String),
-}
-
 /// What a run did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
@@ -82,7 +57,7 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     }
     let started = Instant::now();
     let spec = &resolved.spec;
-    let protocol = spec.kind.protocol();
+    let protocol = protocols::of(spec.kind);
     let record = Record::new(&options.out);
     let mut machine = record.begin(spec, options.restart)?;
     let columns = spec.columns();
@@ -108,14 +83,15 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     });
     record.write_machine(&machine)?;
     protocol.after_scoring(&Finished {
-        plan: &plan,
+        resolved,
+        styles: &plan.styles,
         record: &record,
         trainings: &trainings,
         peak_of_training,
         rows: &rows,
     })?;
     if spec.pictures > 0 {
-        let gallery = Gallery::new(&plan, &record)?;
+        let gallery = Gallery::new(resolved, &plan.styles, &record)?;
         protocol.pictures(&gallery)?;
     }
     Ok(Outcome {
@@ -126,11 +102,11 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
 }
 
 /// What is scored, with what was trained for it.
-pub(super) struct Plan<'a> {
-    pub(super) resolved: &'a Resolved,
+struct Plan<'a> {
+    resolved: &'a Resolved,
     protocol: &'a dyn Protocol,
     columns: &'a [&'static str],
-    pub(super) styles: Styles<'a>,
+    styles: Styles<'a>,
     record: &'a Record,
 }
 
@@ -249,14 +225,4 @@ impl Plan<'_> {
         }
         Ok(rows)
     }
-}
-
-/// What `work` gives; a fault of ours in one cell of a long run is that cell's error and not the end of all.
-pub(super) fn without_panic<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().cloned();
-        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-        let found = format!("a panic ({})", text.unwrap_or_else(|| "without a word".to_owned()));
-        Err(Error::value("state of the program", found, "a fault of monadnock: please report it"))
-    })
 }

@@ -4,20 +4,53 @@
 //! too, with nothing left open.
 
 use super::overlay::style_config;
-use super::protocol::Kind;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::file;
 use crate::systems::gpnn::PatchModel;
 use crate::systems::region_gnn::{Preset, StyleConfig};
 use crate::systems::registry;
 use crate::systems::singan::DetailConfig;
 use crate::systems::task::RandomHeights;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::path::Path;
 
-/// The largest file that is read as an experiment, bytes.
-const LARGEST: u64 = 1 << 22;
+/// What is done with the trained styles: the name of a protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "each is described in its file below `protocols/`")]
+pub enum Kind {
+    Neighbours,
+    Fit,
+    Sparse,
+    Ablation,
+    Exemplar,
+    Exchange,
+    Drawings,
+    Invariance,
+    Disentanglement,
+    Cost,
+}
+
+impl Kind {
+    /// Every one.
+    pub const ALL: [Self; 10] = [
+        Self::Neighbours,
+        Self::Fit,
+        Self::Sparse,
+        Self::Ablation,
+        Self::Exemplar,
+        Self::Exchange,
+        Self::Drawings,
+        Self::Invariance,
+        Self::Disentanglement,
+        Self::Cost,
+    ];
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(&format!("{self:?}").to_lowercase())
+    }
+}
 
 /// An experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -252,29 +285,7 @@ fn main_metrics() -> Vec<String> {
     names.map(str::to_owned).to_vec()
 }
 
-/// Whether less of a score is better, which its name tells: an error, a loss, a distance, a difference, a share of faults.
-#[must_use]
-pub fn lower_is_better(metric: &str) -> bool {
-    let name = metric.strip_prefix("train_").unwrap_or(metric);
-    let faults = ["_distance", "_difference", "_error", "_share"];
-    name == "rmse" || name.starts_with("l_") || faults.iter().any(|end| name.ends_with(end))
-}
-
 impl ExperimentSpec {
-    /// Reads and checks an experiment file.
-    ///
-    /// # Errors
-    /// When the file cannot be read or understood, or a value is not allowed; the message names file, key and value.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = file::read_text(path, LARGEST)?;
-        let spec: Self = toml::from_str(&text).map_err(|e| {
-            let said = e.to_string();
-            Error::file(path, "experiment", "not understood", format!("the reader says: {}", said.trim_end()))
-        })?;
-        spec.validate().map_err(|e| e.in_file(path))?;
-        Ok(spec)
-    }
-
     /// The file that [`read`](Self::read) reads back as the same.
     ///
     /// # Panics
@@ -282,36 +293,6 @@ impl ExperimentSpec {
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("an experiment is plain data")
-    }
-
-    /// The columns of scores that this experiment gives.
-    #[must_use]
-    pub fn columns(&self) -> Vec<&'static str> {
-        self.kind.protocol().columns()
-    }
-
-    /// The names of all systems, those of the styles first, as they stand in the scores.
-    ///
-    /// # Errors
-    /// When a style's configuration or a system's name is not allowed.
-    pub fn systems(&self) -> Result<Vec<String>> {
-        let mut systems = Vec::new();
-        for style in &self.style {
-            systems.extend(self.labels(style)?);
-        }
-        systems.extend(self.interpolator_names()?);
-        Ok(systems)
-    }
-
-    /// The names of a style's systems in the scores.
-    pub(super) fn labels(&self, style: &StyleSpec) -> Result<Vec<String>> {
-        let uses = self.uses(style)?;
-        let all_uses = self.kind.protocol().compares_uses();
-        Ok(if all_uses {
-            uses.iter().map(|name| style.label(name)).collect()
-        } else {
-            vec![style.name.clone()]
-        })
     }
 
     /// The interpolators by name, in the order of the registry.
@@ -373,12 +354,6 @@ impl ExperimentSpec {
         style_config(&base, [&self.overrides, &style.set]).map_err(named)
     }
 
-    /// The sketches; the protocol's own when the file names none.
-    #[must_use]
-    pub fn sketches(&self) -> Vec<SketchSpec> {
-        if self.sketch.is_empty() { self.kind.protocol().sketches(self) } else { self.sketch.clone() }
-    }
-
     /// The system that the experiment is about.
     ///
     /// # Errors
@@ -386,14 +361,6 @@ impl ExperimentSpec {
     pub fn highlighted(&self) -> Result<String> {
         let first = || self.systems().map(|systems| systems[0].clone());
         self.highlight.clone().map_or_else(first, Ok)
-    }
-
-    /// Checks everything that can be checked without terrain.
-    ///
-    /// # Errors
-    /// Names the first key that is not allowed.
-    pub fn validate(&self) -> Result<()> {
-        super::validate::validate(self)
     }
 }
 

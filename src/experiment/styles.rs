@@ -2,10 +2,11 @@
 //!
 //! All that this room knows of training stands here.
 
+use super::areas::{Area, Resolved};
+use super::events::{Event, without_panic};
 use super::measure::Systems;
 use super::record::TrainingRow;
-use super::resolve::{Area, Resolved};
-use super::run::{Event, without_panic};
+
 use super::spec::{DetailSpec, ExperimentSpec, StyleSpec};
 use crate::error::{Error, Result};
 use crate::file;

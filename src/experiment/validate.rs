@@ -1,12 +1,42 @@
 //! The checks of an experiment that need no terrain; every complaint names the key, the value and what is allowed.
 
-use super::protocol::{SketchSource, not_for};
-use super::spec::{Against, Bound, ExperimentSpec, Scope, SketchSpec};
+use super::protocol::{SketchSource, check, not_for};
+use super::protocols;
+use super::spec::{Against, Bound, ExperimentSpec, Kind, Scope, SketchSpec};
 use crate::error::{Error, Result};
+use crate::file;
 use crate::sketch::samples;
 use std::collections::BTreeSet;
+use std::path::Path;
 
-pub(super) fn validate(spec: &ExperimentSpec) -> Result<()> {
+/// The largest file that is read as an experiment, bytes.
+const LARGEST: u64 = 1 << 22;
+
+impl ExperimentSpec {
+    /// Reads and checks an experiment file.
+    ///
+    /// # Errors
+    /// When the file cannot be read or understood, or a value is not allowed; the message names file, key and value.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = file::read_text(path, LARGEST)?;
+        let spec: Self = toml::from_str(&text).map_err(|e| {
+            let said = e.to_string();
+            Error::file(path, "experiment", "not understood", format!("the reader says: {}", said.trim_end()))
+        })?;
+        spec.validate().map_err(|e| e.in_file(path))?;
+        Ok(spec)
+    }
+
+    /// Checks everything that can be checked without terrain.
+    ///
+    /// # Errors
+    /// Names the first key that is not allowed.
+    pub fn validate(&self) -> Result<()> {
+        validate(self)
+    }
+}
+
+fn validate(spec: &ExperimentSpec) -> Result<()> {
     for (key, text) in [("title", &spec.title), ("question", &spec.question)] {
         check(!text.trim().is_empty(), key, "empty", "allowed: some words")?;
     }
@@ -23,13 +53,13 @@ pub(super) fn validate(spec: &ExperimentSpec) -> Result<()> {
     styles(spec)?;
     areas(spec)?;
     sketches(spec)?;
-    spec.kind.protocol().validate(spec)?;
+    protocols::of(spec.kind).validate(spec)?;
     let systems = spec.systems()?;
     once("names of systems", systems.iter())?;
     for (key, name) in [("highlight", &spec.highlight), ("baseline", &spec.baseline)] {
         name.iter().try_for_each(|name| known(key, name, &systems))?;
     }
-    if spec.baseline.is_some() && spec.kind.name() != "ablation" {
+    if spec.baseline.is_some() && spec.kind != Kind::Ablation {
         return Err(Error::value("baseline", "given", "allowed: for kind = \"ablation\" only"));
     }
     for (i, bound) in spec.bound.iter().enumerate() {
@@ -70,7 +100,7 @@ fn areas(spec: &ExperimentSpec) -> Result<()> {
         let factor = area.coarser.unwrap_or(1);
         check((1..=64).contains(&factor), name("coarser"), factor, "allowed: 1 to 64")?;
         if let Some(patches) = &area.patches {
-            if !spec.kind.protocol().has_test_patches() {
+            if !protocols::of(spec.kind).has_test_patches() {
                 return Err(not_for(spec.kind, name("patches"), "given", "it has no test patches"));
             }
             some(&name("patches"), patches)?;
@@ -81,7 +111,7 @@ fn areas(spec: &ExperimentSpec) -> Result<()> {
 }
 
 fn sketches(spec: &ExperimentSpec) -> Result<()> {
-    if spec.kind.protocol().sketch_source() == SketchSource::Areas && !spec.sketch.is_empty() {
+    if protocols::of(spec.kind).sketch_source() == SketchSource::Areas && !spec.sketch.is_empty() {
         return Err(not_for(
             spec.kind,
             "number of sketches",
@@ -108,7 +138,7 @@ fn sketches(spec: &ExperimentSpec) -> Result<()> {
 
 /// The keys of a sketch, some of which only some protocols read.
 fn check_sketch(spec: &ExperimentSpec, sketch: &SketchSpec) -> Result<()> {
-    let source = spec.kind.protocol().sketch_source();
+    let source = protocols::of(spec.kind).sketch_source();
     let is_moved = sketch.turn.is_some() || sketch.mirror || sketch.shift.is_some() || sketch.same_parts;
     let only = |given: bool, key: &str, reader: SketchSource, name: &str| {
         check(!given || source == reader, key, "given", &format!("allowed: for kind = {name:?} only"))
@@ -167,15 +197,6 @@ fn of(error: Error, entry: &str) -> Error {
         }
         other => other,
     }
-}
-
-pub(super) fn check(
-    holds: bool,
-    key: impl Into<String>,
-    found: impl std::fmt::Display,
-    allowed: &str,
-) -> Result<()> {
-    if holds { Ok(()) } else { Err(Error::value(key, found, allowed)) }
 }
 
 fn some<T>(key: &str, list: &[T]) -> Result<()> {

@@ -2,20 +2,16 @@
 
 use super::general::head;
 use crate::error::Result;
+use crate::experiment::protocol::check;
 use crate::experiment::protocol::{Finding, Protocol};
 use crate::experiment::record::Record;
 use crate::experiment::results::Results;
 use crate::experiment::spec::ExperimentSpec;
-use crate::experiment::validate::check;
 use crate::viz::report::{Column, Entry, Table, Text};
 
-pub(in crate::experiment) struct Ablation;
+pub(super) struct Ablation;
 
 impl Protocol for Ablation {
-    fn name(&self) -> &'static str {
-        "ablation"
-    }
-
     fn validate(&self, spec: &ExperimentSpec) -> Result<()> {
         let found = spec.style.len();
         check(found > 1, "number of styles", found, "an ablation compares at least 2")

@@ -3,9 +3,9 @@
 use super::{losses, neighbours};
 use crate::dem::Normalization;
 use crate::error::Result;
+use crate::experiment::areas::Resolved;
 use crate::experiment::protocol::{Finding, Finished, Protocol};
-use crate::experiment::record::{Record, TrainingRow};
-use crate::experiment::resolve::Resolved;
+use crate::experiment::record::{Record, StageRow, TrainingRow};
 use crate::experiment::results::Results;
 use crate::extract;
 use crate::grid::Grid;
@@ -15,46 +15,14 @@ use crate::seed::Seed;
 use crate::sketch::split_parts;
 use crate::systems::region_gnn::RegionGraph;
 use crate::viz::report::{Column, Entry, Table};
-use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// The table of stages in the record.
 const TABLE: &str = "stages.csv";
 
-pub(in crate::experiment) struct Cost;
-
-/// Seconds and memory of a stage: a row of `stages.csv`.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(in crate::experiment) struct StageRow {
-    stage: String,
-    system: String,
-    /// How often it was measured.
-    n: usize,
-    /// Mean.
-    seconds: f64,
-    /// Largest memory of the process up to then.
-    peak_memory_mb: Option<u64>,
-}
-
-impl StageRow {
-    fn new(stage: &str, system: &str, seconds: &[f64], peak: Option<u64>) -> Self {
-        let mean = seconds.iter().sum::<f64>() / seconds.len().max(1) as f64;
-        Self {
-            stage: stage.to_owned(),
-            system: system.to_owned(),
-            n: seconds.len(),
-            seconds: (mean * 1e5).round() / 1e5,
-            peak_memory_mb: peak.map(|bytes| bytes / 1_000_000),
-        }
-    }
-}
+pub(super) struct Cost;
 
 impl Protocol for Cost {
-    fn name(&self) -> &'static str {
-        "cost"
-    }
-
     /// What comes before a training, once for each area and style.
     fn before_training(&self, resolved: &Resolved, record: &Record) -> Result<()> {
         let mut rows = Vec::new();
@@ -91,7 +59,7 @@ impl Protocol for Cost {
 
     /// Trainings and terrains.
     fn after_scoring(&self, finished: &Finished<'_>) -> Result<()> {
-        let spec = &finished.plan.resolved.spec;
+        let spec = &finished.resolved.spec;
         let mut table: Vec<StageRow> = finished.record.table(TABLE)?;
         let mut styles: Vec<&str> = spec.style.iter().map(|style| style.name.as_str()).collect();
         styles.sort_unstable();

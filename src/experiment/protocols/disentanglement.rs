@@ -25,7 +25,7 @@ const COLUMNS: [&str; 4] = ["kind_purity", "chance_purity", "kind_silhouette", "
 /// The table of places in the record.
 const TABLE: &str = "states.csv";
 
-pub(in crate::experiment) struct Disentanglement;
+pub(super) struct Disentanglement;
 
 /// The place of a region's state: a row of `states.csv`.
 #[derive(Serialize, Deserialize)]
@@ -39,10 +39,6 @@ struct StateRow {
 }
 
 impl Protocol for Disentanglement {
-    fn name(&self) -> &'static str {
-        "disentanglement"
-    }
-
     fn columns(&self) -> Vec<&'static str> {
         COLUMNS.to_vec()
     }
@@ -65,11 +61,11 @@ impl Protocol for Disentanglement {
 
     /// Places of the region states of the first patch of each area in two dimensions (t-SNE).
     fn after_scoring(&self, finished: &Finished<'_>) -> Result<()> {
-        let (plan, spec) = (finished.plan, &finished.plan.resolved.spec);
+        let spec = &finished.resolved.spec;
         let (seed, sketch) = (spec.seeds[0], &spec.sketches()[0]);
         let mut rows = Vec::new();
-        for area in &plan.resolved.areas {
-            let systems = plan.styles.systems(area, seed, false)?;
+        for area in &finished.resolved.areas {
+            let systems = finished.styles.systems(area, seed, false)?;
             let Some(&cell) = area.patches.first() else { continue };
             let Ok(patch) = patch_of(spec, area, cell, sketch) else { continue };
             for named in &systems.named {

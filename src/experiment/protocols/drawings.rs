@@ -3,14 +3,14 @@
 use super::general;
 use crate::dem::Normalization;
 use crate::error::Result;
+use crate::experiment::areas::{Area, Resolved};
 use crate::experiment::measure::{Measured, STYLE_COLUMNS, Task, Values, beside_style, value_of};
 use crate::experiment::pictures::{Gallery, Painter, paper, plain};
+use crate::experiment::protocol::check;
 use crate::experiment::protocol::{Finding, Protocol, SketchSource};
 use crate::experiment::record::Record;
-use crate::experiment::resolve::{Area, Resolved};
 use crate::experiment::results::Results;
 use crate::experiment::spec::{ExperimentSpec, SketchSpec};
-use crate::experiment::validate::check;
 use crate::extract::{self, ExtractionConfig};
 use crate::grid::{Cell, Grid};
 use crate::metrics::{
@@ -39,13 +39,9 @@ const COLUMNS: [&str; 9] = [
     "clipped_share",
 ];
 
-pub(in crate::experiment) struct Drawings;
+pub(super) struct Drawings;
 
 impl Protocol for Drawings {
-    fn name(&self) -> &'static str {
-        "drawings"
-    }
-
     fn columns(&self) -> Vec<&'static str> {
         COLUMNS.into_iter().chain(STYLE_COLUMNS).collect()
     }
@@ -108,7 +104,7 @@ impl Protocol for Drawings {
                 names.push(name);
             }
         }
-        for area in &gallery.resolved().areas {
+        for area in &gallery.resolved.areas {
             let systems = gallery.systems(area)?;
             let Some((_, system)) = systems.called(highlight) else { continue };
             let painter = Painter::new(&area.source.dem, Normalization::of(&area.source.dem));

@@ -4,11 +4,11 @@ use super::general;
 use crate::dem::Normalization;
 use crate::error::Result;
 use crate::evaluate::{PATCH, patch_seed};
+use crate::experiment::areas::{Area, Resolved};
 use crate::experiment::measure::{Measured, STYLE_COLUMNS, Task, beside_style, patch_of, rebuild};
 use crate::experiment::pictures::{Gallery, Painter, blank, paper};
 use crate::experiment::protocol::{Finding, Protocol, SketchSource};
 use crate::experiment::record::Record;
-use crate::experiment::resolve::{Area, Resolved};
 use crate::experiment::results::Results;
 use crate::experiment::spec::{ExperimentSpec, SketchSpec};
 use crate::grid::Cell;
@@ -16,13 +16,9 @@ use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::viz::Sheet;
 
-pub(in crate::experiment) struct Exchange;
+pub(super) struct Exchange;
 
 impl Protocol for Exchange {
-    fn name(&self) -> &'static str {
-        "exchange"
-    }
-
     fn columns(&self) -> Vec<&'static str> {
         Scores::names().into_iter().chain(STYLE_COLUMNS).collect()
     }
@@ -63,7 +59,7 @@ impl Protocol for Exchange {
 
     /// A column for each area's sketch, a row for each area's style.
     fn pictures(&self, gallery: &Gallery<'_>) -> Result<()> {
-        let (resolved, seed, highlight) = (gallery.resolved(), gallery.seed, &gallery.highlight);
+        let (resolved, seed, highlight) = (gallery.resolved, gallery.seed, &gallery.highlight);
         let mut patches = Vec::new();
         for (area, sketch) in resolved.areas.iter().zip(&gallery.sketches) {
             let Some(&cell) = area.patches.first() else { continue };

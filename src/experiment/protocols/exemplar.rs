@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// The table of exemplars in the record.
 const TABLE: &str = "exemplars.csv";
 
-pub(in crate::experiment) struct Exemplar;
+pub(super) struct Exemplar;
 
 /// What could tell a good exemplar before any training: a row of `exemplars.csv`. Slopes are root mean squares.
 #[derive(Clone, Serialize, Deserialize)]
@@ -61,13 +61,9 @@ struct Rule {
 }
 
 impl Protocol for Exemplar {
-    fn name(&self) -> &'static str {
-        "exemplar"
-    }
-
     fn after_scoring(&self, finished: &Finished<'_>) -> Result<()> {
-        let resolved = finished.plan.resolved;
-        let row = |(area, entry): (&crate::experiment::resolve::Area, &crate::experiment::spec::AreaSpec)| {
+        let resolved = finished.resolved;
+        let row = |(area, entry): (&crate::experiment::areas::Area, &crate::experiment::spec::AreaSpec)| {
             let dem = &area.source.dem;
             let range = Normalization::of(dem);
             let unit = range.normalize(dem);

@@ -2,11 +2,11 @@
 
 use crate::dem::Normalization;
 use crate::error::Result;
+use crate::experiment::areas::{Area, Resolved};
 use crate::experiment::measure::{Measured, Task, Values};
 use crate::experiment::pictures::Gallery;
 use crate::experiment::protocol::{Finding, Protocol, SketchSource, not_for};
 use crate::experiment::record::Record;
-use crate::experiment::resolve::{Area, Resolved};
 use crate::experiment::results::Results;
 use crate::experiment::spec::{ExperimentSpec, SketchSpec};
 use crate::extract::{self, ExtractionConfig};
@@ -31,13 +31,9 @@ const COLUMNS: [&str; 7] = [
     "train_ssim",
 ];
 
-pub(in crate::experiment) struct Fit;
+pub(super) struct Fit;
 
 impl Protocol for Fit {
-    fn name(&self) -> &'static str {
-        "fit"
-    }
-
     fn columns(&self) -> Vec<&'static str> {
         Scores::names().into_iter().chain(COLUMNS).collect()
     }

@@ -2,7 +2,7 @@
 
 use crate::experiment::protocol::Finding;
 use crate::experiment::results::Results;
-use crate::experiment::spec::lower_is_better;
+use crate::experiment::scores::lower_is_better;
 use crate::viz::report::{Column, Entry, Table, Text};
 
 /// The head of a score: its name and which way is better.

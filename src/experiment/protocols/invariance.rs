@@ -21,13 +21,9 @@ use crate::viz::Sheet;
 /// Unit heights: the terrain of the moved lines, moved back, against that of the lines.
 const COLUMNS: [&str; 2] = ["max_difference", "rms_difference"];
 
-pub(in crate::experiment) struct Invariance;
+pub(super) struct Invariance;
 
 impl Protocol for Invariance {
-    fn name(&self) -> &'static str {
-        "invariance"
-    }
-
     fn columns(&self) -> Vec<&'static str> {
         COLUMNS.to_vec()
     }
@@ -52,8 +48,8 @@ impl Protocol for Invariance {
     }
 
     fn pictures(&self, gallery: &Gallery<'_>) -> Result<()> {
-        let (spec, highlight, sketches) = (&gallery.resolved().spec, &gallery.highlight, &gallery.sketches);
-        for area in &gallery.resolved().areas {
+        let (spec, highlight, sketches) = (&gallery.resolved.spec, &gallery.highlight, &gallery.sketches);
+        for area in &gallery.resolved.areas {
             let systems = gallery.systems(area)?;
             let (Some(&cell), Some(named)) = (area.patches.first(), systems.called(highlight)) else {
                 continue;

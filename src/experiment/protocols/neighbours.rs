@@ -7,13 +7,9 @@ use crate::experiment::record::Record;
 use crate::experiment::results::{Results, better, of_patches};
 use crate::viz::report::{Column, Entry, Table, Text};
 
-pub(in crate::experiment) struct Neighbours;
+pub(super) struct Neighbours;
 
 impl Protocol for Neighbours {
-    fn name(&self) -> &'static str {
-        "neighbours"
-    }
-
     fn findings(&self, results: &Results<'_>, _: &Record) -> Result<Vec<Finding>> {
         Ok([areas(results), losses::findings(results)].concat())
     }

@@ -5,12 +5,12 @@ use crate::error::Result;
 use crate::evaluate::patch_seed;
 use crate::experiment::measure::patch_of;
 use crate::experiment::pictures::{Gallery, Painter, blank, paper, patch_sheets, plain};
+use crate::experiment::protocol::check;
 use crate::experiment::protocol::{Finding, Plot, Protocol};
 use crate::experiment::record::Record;
-use crate::experiment::report::title;
 use crate::experiment::results::{Results, Stat};
+use crate::experiment::scores::title;
 use crate::experiment::spec::ExperimentSpec;
-use crate::experiment::validate::check;
 use crate::seed::Seed;
 use crate::systems::registry::Named;
 use crate::viz::Sheet;
@@ -19,13 +19,9 @@ use crate::viz::plot::{Curves, Panel};
 /// Metrics that are plotted over the share of lines.
 const PLOTTED: usize = 2;
 
-pub(in crate::experiment) struct Sparse;
+pub(super) struct Sparse;
 
 impl Protocol for Sparse {
-    fn name(&self) -> &'static str {
-        "sparse"
-    }
-
     fn validate(&self, spec: &ExperimentSpec) -> Result<()> {
         let found = spec.sketch.len();
         check(found > 1, "number of sketches", found, "kind = \"sparse\" compares at least 2")
@@ -72,8 +68,8 @@ impl Protocol for Sparse {
 
 /// For the first patch of each area its sketches side by side with what becomes of them.
 fn thinning(gallery: &Gallery<'_>) -> Result<()> {
-    let (spec, seed) = (&gallery.resolved().spec, gallery.seed);
-    for area in &gallery.resolved().areas {
+    let (spec, seed) = (&gallery.resolved.spec, gallery.seed);
+    for area in &gallery.resolved.areas {
         let Some(&cell) = area.patches.first() else { continue };
         let systems = gallery.systems(area)?;
         let is_compared =
