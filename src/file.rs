@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_added_at_the_end_and_removing_nothing_is_no_failure() {
+    fn appending_adds_lines_and_removing_nothing_is_fine() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a/b/journal");
         assert!(append(&path, "x").unwrap_err().to_string().contains("journal"));

@@ -161,7 +161,7 @@ fn partial_sketches_lose_strokes() {
 }
 
 #[test]
-fn quarter_turns_are_exact_when_the_parts_are_the_same() {
+fn quarter_turns_with_the_same_parts_are_exact() {
     let ran = Ran::new("invariance");
     let max = |system: &str, sketch: &str| ran.mean(system, sketch, "max_difference");
     assert!(max("quiet", "turned 90, same parts") < 1e-4);

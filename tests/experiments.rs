@@ -146,7 +146,7 @@ fn bad_values_are_named_with_what_is_allowed() {
 }
 
 #[test]
-fn detail_has_names_or_settings_and_other_names_are_refused() {
+fn detail_has_names_or_settings() {
     let style = |detail: &str| {
         let text = SMALL.replace("name = \"thin\"", &format!("name = \"thin\"\ndetail = {detail}"));
         spec(&text).map(|spec| spec.style[1].detail.clone().unwrap())
@@ -195,7 +195,7 @@ fn trainings_are_read_as_they_were_written() {
 }
 
 #[test]
-fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
+fn interrupted_and_repeated_runs_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let resolved = resolve(&spec(SMALL).unwrap(), &Terrain::default()).unwrap();
@@ -282,7 +282,7 @@ fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
 }
 
 #[test]
-fn experiments_share_styles_that_differ_only_in_how_terrain_is_made() {
+fn experiments_share_styles_of_the_same_training() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let shared = |name: &str| RunOptions { styles: Some(at("styles")), ..options(&at(name), 1) };
@@ -335,7 +335,7 @@ fn what_fails_is_a_row_with_its_error() {
 }
 
 #[test]
-fn a_fit_gives_every_loss_and_agrees_with_the_styles_own_record() {
+fn a_fit_agrees_with_the_styles_own_record() {
     let folder = tempfile::tempdir().unwrap();
     let text = r#"
 kind = "fit"

@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_has_at_most_ten_lines_and_none_for_short_steps() {
+    fn a_log_has_at_most_ten_lines() {
         let told = |total: u64, pace: f64| {
             let mut milestones = Milestones::new(total);
             (1..=total)

@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_taken_over_areas_patches_and_seeds_as_asked() {
+    fn means_cover_areas_patches_and_seeds() {
         let t = table(formula);
         let worst = |bound: &str| {
             let v = verdict(bound, &t);
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_breaks_a_bound_unless_everything_failed_there() {
+    fn a_failure_breaks_a_bound_unless_all_failed() {
         let failing = |all: bool| {
             table(move |system, area, row, seed| {
                 let broken = area == "b" && row == 0 && (all || system == "anchored");

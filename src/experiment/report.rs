@@ -8,6 +8,7 @@ use super::protocol::{Finding, Plot};
 use super::protocols;
 use super::record::{MachineInfo, Record, TrainingRow};
 use super::results::Results;
+use super::rows::csv_table;
 use super::scores::{decimals, lower_is_better, title};
 use crate::error::Result;
 use crate::file;
@@ -89,9 +90,10 @@ fn draw(
             format!("session {n}: {trained} styles trained, {rows} rows, {jobs} jobs, {threads} threads");
         (what, Duration::from_secs_f64(s.seconds.max(0.0)))
     });
+    let caption = "Every training; times are those of the machine and its other work.";
     Ok(report
         .section("Training")
-        .table(&trainings(training))
+        .table(&Table::of_csv(&csv_table(training)?).caption(caption))
         .section("Cost and conditions")
         .paragraph(format!(
             "{:.1} minutes in {} sessions; the budget is {} minutes.",
@@ -262,39 +264,4 @@ fn printed_plots(results: &Results<'_>) -> Result<Vec<Plot>> {
         plots.extend(plot.map(|plot| (name, plot, caption)));
     }
     Ok(plots)
-}
-
-fn trainings(rows: &[TrainingRow]) -> Table {
-    let columns = [
-        Column::text("Style"),
-        Column::text("Area"),
-        Column::text("Seed"),
-        Column::number("Weights", 0),
-        Column::number("Epochs", 0),
-        Column::number("Training", 1).unit("s"),
-        Column::number("Preparation", 1).unit("s"),
-        Column::number("Epoch", 4).unit("s"),
-        Column::number("Detail", 1).unit("s"),
-        Column::number("Its strength", 2),
-        Column::number("Exemplar rebuilt", 1).unit("dB"),
-        Column::text("Failed"),
-    ];
-    let table =
-        Table::new(columns).caption("Every training; times are those of the machine and its other work.");
-    rows.iter().fold(table, |table, r| {
-        table.row([
-            Entry::from(r.style.as_str()),
-            Entry::from(r.area.as_str()),
-            Entry::from(r.seed.to_string()),
-            Entry::from(r.parameters),
-            Entry::from(r.epochs),
-            Entry::from(r.seconds),
-            Entry::from(r.preparation_seconds),
-            Entry::from(r.seconds_per_epoch),
-            Entry::from(r.detail_seconds),
-            Entry::from(r.detail_gain),
-            Entry::from(r.detail_psnr),
-            Entry::from(r.error.as_str()),
-        ])
-    })
 }

@@ -211,6 +211,32 @@ impl Table {
         Self { caption: String::new(), columns: columns.into_iter().collect(), rows: Vec::new() }
     }
 
+    /// The rows of a table of CSV under the names of its header, `_` read as a space. Columns of numbers keep the decimals that
+    /// they have, at most four.
+    #[must_use]
+    pub fn of_csv(text: &str) -> Self {
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let heads: Vec<String> =
+            reader.headers().into_iter().flatten().map(|name| name.replace('_', " ")).collect();
+        let rows: Vec<csv::StringRecord> = reader.records().filter_map(std::result::Result::ok).collect();
+        let columns = heads.into_iter().enumerate().map(|(i, head)| {
+            let fields = || rows.iter().filter_map(|row| row.get(i)).filter(|field| !field.is_empty());
+            if fields().any(|field| field.parse::<f64>().is_err()) || fields().next().is_none() {
+                return Column::text(head);
+            }
+            let decimals = |field: &str| field.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+            Column::number(head, fields().map(decimals).max().unwrap_or(0).min(4))
+        });
+        let table = Self::new(columns);
+        let entry = |(field, column): (&str, &Column)| match column.decimals {
+            Some(_) => Entry::from(field.parse::<f64>().ok()),
+            None => Entry::from(field),
+        };
+        let rows = rows.iter().map(|row| row.iter().zip(&table.columns).map(entry).collect::<Vec<Entry>>());
+        let rows = rows.collect();
+        Self { rows, ..table }
+    }
+
     /// The words above the table.
     #[must_use]
     pub fn caption(self, caption: impl Into<String>) -> Self {
@@ -384,6 +410,15 @@ mod tests {
         let html = table.html().into_string();
         assert!(html.contains("<code>a|b</code>") && html.contains("<strong>0.9</strong> / 30"), "{html}");
         assert_eq!(table.text(), "Means\nsystem  SSIM / PSNR\na|b     0.9 / 30\na|b     -");
+    }
+
+    #[test]
+    fn a_table_of_csv_has_its_columns() {
+        let table = Table::of_csv("style,peak_mb,seconds\none,120,0.5\ntwo,,12.25\n");
+        let expected =
+            "| style | peak mb | seconds |\n| --- | --- | --- |\n| one | 120 | 0.50 |\n| two | - | 12.25 |\n";
+        assert_eq!(table.markdown(), expected);
+        assert!(table.html().into_string().contains("<td class=\"number\">12.25</td>"));
     }
 
     #[test]
