@@ -65,15 +65,13 @@ impl Protocol for Cost {
         styles.sort_unstable();
         for style in styles {
             let of = finished.trainings.iter().filter(|t| t.style == style && t.error.is_empty());
-            let stages: [(&str, fn(&TrainingRow) -> f64); 3] = [
-                ("preparation of a training", |t| t.preparation_seconds),
-                ("an epoch", |t| t.seconds_per_epoch),
-                ("a training", |t| t.seconds),
-            ];
-            table.extend(stages.map(|(stage, seconds)| {
+            let mut add = |stage: &str, seconds: fn(&TrainingRow) -> f64| {
                 let seconds: Vec<f64> = of.clone().map(seconds).collect();
-                StageRow::new(stage, style, &seconds, finished.peak_of_training)
-            }));
+                table.push(StageRow::new(stage, style, &seconds, finished.peak_of_training));
+            };
+            add("preparation of a training", |t| t.preparation_seconds);
+            add("an epoch", |t| t.seconds_per_epoch);
+            add("a training", |t| t.seconds);
         }
         for system in spec.systems()? {
             let of = finished.rows.iter().filter(|(row, _)| row.key.system == system && row.error.is_empty());
