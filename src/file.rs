@@ -102,6 +102,15 @@ pub fn create_folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(Error::io(path, "create the folder"))
 }
 
+/// Whether files can be created in the folder `path`, found out by creating one, which goes away at once.
+///
+/// # Errors
+/// When they cannot; the system's reason is in it.
+pub fn check_folder(path: &Path) -> Result<()> {
+    let made = tempfile::Builder::new().prefix(".monadnock-").tempfile_in(path);
+    made.map(drop).map_err(Error::io(path, "create a file in the folder"))
+}
+
 /// Adds `text` at the end of a file, which begins empty, and waits until it is on the disk.
 ///
 /// What was there before stays whatever happens; a crash may leave a part of `text`, which the reader must leave out.

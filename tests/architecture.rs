@@ -18,8 +18,8 @@ const CANDLE: [&str; 3] = ["learn", "systems", "error"];
 const UNTRAINED: [&str; 3] = ["classical", "gpnn", "task"];
 /// What systems share: every system may import it.
 const SHARED_BY_SYSTEMS: &str = "task";
-/// Files of `systems` that may know several systems.
-const KNOW_ALL_SYSTEMS: [&str; 2] = ["registry", "pipeline"];
+/// The one room that may know every system; the others know what they share, and the style.
+const KNOWS_ALL_SYSTEMS: &str = "style";
 /// Rooms that open files themselves.
 const OPEN_FILES: [&str; 3] = ["file", "machine", "cli"];
 /// Rooms that print.
@@ -65,6 +65,11 @@ fn rooms_import_only_rooms_above_them() {
 #[test]
 fn systems_do_not_import_each_other() {
     report(house().sibling_imports());
+}
+
+#[test]
+fn systems_are_met_in_style_and_by_their_doors() {
+    report(house().trespasses());
 }
 
 #[test]
@@ -155,7 +160,7 @@ fn every_room_and_system_is_documented() {
         house.sources.iter().filter(|s| s.module[0] == "systems").filter_map(|s| s.module.get(1)).collect();
     for system in systems {
         let paper = format!("docs/papers/{system}.md");
-        let is_shared = system == SHARED_BY_SYSTEMS || KNOW_ALL_SYSTEMS.contains(&system.as_str());
+        let is_shared = system == SHARED_BY_SYSTEMS;
         if !is_shared && !root().join(&paper).is_file() {
             faults.push(format!("{paper} is missing"));
         }
@@ -211,7 +216,12 @@ fn the_scanner_finds_what_is_wrong_and_only_that() {
     assert_eq!(siblings("systems::a::net", "use super::super::b::Net;"), 1);
     let allowed = "use super::super::task::T; use super::other; use crate::systems::a::X;";
     assert_eq!(siblings("systems::a::net", allowed), 0);
-    assert_eq!(siblings("systems::registry", "use super::{a, b};"), 0);
+    let trespasses = |module: &str, text: &str| house(&[(module, text)]).trespasses().len();
+    assert_eq!(trespasses("cli::train", "use crate::systems::a::Net;"), 1);
+    let quiet = "use crate::systems::task::Part; #[cfg(test)] mod t { use crate::systems::a::X; }";
+    assert_eq!(trespasses("cli::train", quiet), 0);
+    assert_eq!(trespasses("style", "use crate::systems::a::Net;"), 0);
+    assert_eq!(trespasses("style", "use crate::systems::a::net::Net;"), 1);
 
     let words = |text: &str, name: &str| house(&[("grid", text)]).words(|w| w.text == name, |_| true).len();
     assert_eq!(words("use candle_core::Tensor;", "candle_core"), 1);
@@ -381,10 +391,30 @@ impl House {
                 else {
                     continue;
                 };
-                let free = KNOW_ALL_SYSTEMS.contains(&here.as_str()) || there == SHARED_BY_SYSTEMS;
+                let free = there == SHARED_BY_SYSTEMS;
                 if first == "systems" && other == "systems" && here != there && !free {
                     let at = source.path.display();
                     faults.push(format!("{at}:{line}: system `{here}` imports system `{there}`"));
+                }
+            }
+        }
+        faults
+    }
+
+    /// Imports of a system by a room that is not `style`, or past the system's door; what tests look at is theirs.
+    fn trespasses(&self) -> Vec<String> {
+        let mut faults = Vec::new();
+        for source in self.sources.iter().filter(|s| !s.is_test && s.module[0] != "systems") {
+            for Import { to, line, .. } in source.scan.imports.iter().filter(|i| !i.in_tests) {
+                let [room, system, rest @ ..] = to.as_slice() else { continue };
+                if room != "systems" || system == SHARED_BY_SYSTEMS {
+                    continue;
+                }
+                let at = source.path.display();
+                if source.module[0] != KNOWS_ALL_SYSTEMS {
+                    faults.push(format!("{at}:{line}: `{}` knows the system `{system}`", source.module[0]));
+                } else if rest.len() > 1 {
+                    faults.push(format!("{at}:{line}: goes past the door of the system `{system}`"));
                 }
             }
         }

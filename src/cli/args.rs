@@ -250,7 +250,11 @@ pub(super) fn elevation(text: &str) -> Result<Normalization, String> {
     Ok(Normalization::new(number(low)?, number(high)?).map_err(|_| allowed)?)
 }
 
-fn cell_size(text: &str) -> Result<CellSize, String> {
+/// `M` or `M,M` in metres.
+///
+/// # Errors
+/// Says what is allowed.
+pub(super) fn cell_size(text: &str) -> Result<CellSize, String> {
     let allowed = "allowed: metres above 0, one side or two, as in 30 or 24.2,30.9";
     let (x, y) = text.split_once(',').unwrap_or((text, text));
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| allowed);
@@ -262,44 +266,6 @@ fn nodata(text: &str) -> Result<Nodata, String> {
         return Ok(Nodata::None);
     }
     text.trim().parse().map(Nodata::Value).map_err(|_| "allowed: a number or `none`".to_owned())
-}
-
-/// Refuses an output file that could never be written, before the work rather than after it.
-///
-/// # Errors
-/// When the folder of `path` does not exist, or `path` is a folder.
-pub(super) fn check_output(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    if path.is_dir() {
-        return Err(Error::file(path, "kind of output", "a folder", "allowed: a file"));
-    }
-    match folder {
-        Some(folder) if !folder.is_dir() => Err(Error::file(
-            path,
-            "folder",
-            format!("{} (not there)", folder.display()),
-            "allowed: an existing one",
-        )),
-        _ => Ok(()),
-    }
-}
-
-/// Refuses an output that would take the place of a file which is read.
-///
-/// # Errors
-/// When `output` is one of the `inputs`, by whatever name.
-pub(super) fn keep_inputs(output: &Path, inputs: &[&Path]) -> Result<()> {
-    let same = |input: &&&Path| {
-        let real = |path: &Path| std::fs::canonicalize(path).ok();
-        real(output).is_some_and(|output| real(input) == Some(output))
-    };
-    match inputs.iter().find(same) {
-        Some(input) => {
-            let allowed = "allowed: another file than those that are read";
-            Err(Error::file(output, "output", format!("the same file as {}", input.display()), allowed))
-        }
-        None => Ok(()),
-    }
 }
 
 /// The largest configuration file that is read, bytes.
@@ -358,22 +324,5 @@ mod tests {
         assert_eq!(nodata("none"), Ok(Nodata::None));
         assert_eq!(nodata("-9999"), Ok(Nodata::Value(-9999.0)));
         assert!(nodata("void").is_err());
-    }
-
-    #[test]
-    fn outputs_that_cannot_be_written_are_refused_beforehand() {
-        let folder = tempfile::tempdir().unwrap();
-        check_output(&folder.path().join("a.png")).unwrap();
-        check_output(Path::new("a.png")).unwrap();
-        assert!(check_output(folder.path()).unwrap_err().to_string().contains("a folder"));
-        let missing = check_output(&folder.path().join("no/a.png")).unwrap_err().to_string();
-        assert!(missing.contains("a.png") && missing.contains("not there"), "{missing}");
-
-        let (dem, other) = (folder.path().join("dem.tif"), folder.path().join("other.tif"));
-        std::fs::write(&dem, b"heights").unwrap();
-        keep_inputs(&other, &[&dem]).unwrap();
-        let by_another_name = folder.path().join(".").join("dem.tif");
-        let message = keep_inputs(&by_another_name, &[&other, &dem]).unwrap_err().to_string();
-        assert!(message.contains("the same file as") && message.contains("dem.tif"), "{message}");
     }
 }

@@ -1,6 +1,7 @@
 //! `data`: a folder of terrain and its manifest.
 
 use super::Context;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::manifest::{Area, FILE_NAME, Manifest};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
@@ -75,6 +76,7 @@ fn add(args: &AddArgs, context: &Context) -> Result<()> {
     let beside = || args.file.parent().map(Path::to_owned).unwrap_or_default().join(FILE_NAME);
     let manifest = args.manifest.clone().unwrap_or_else(beside);
     let stem = || args.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Outputs::new().writes("--manifest", &manifest, OutputKind::Toml).reads(&args.file).check()?;
     let name = args.name.clone().unwrap_or_else(stem);
     let folder = manifest.parent().map(Path::to_owned).unwrap_or_default();
     let entry = Area {

@@ -2,8 +2,9 @@
 
 use super::Context;
 use super::args::DemInput;
+use super::outputs::{OutputKind, Outputs};
+use crate::dem::Dem;
 use crate::dem::io::{self, WriteOptions};
-use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
 use crate::evaluate::{
     Evaluation, EvaluationConfig, PATCH, Rebuilt, SystemSummary, aggregate, evaluate, patch_cells, to_csv,
@@ -13,9 +14,7 @@ use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::{aspect_distance, copy_audit, geomorphon_distance, sliced_wasserstein};
 use crate::sketch::Sketch;
 use crate::sketch::geojson::{self, HeightUnit};
-use crate::systems::region_gnn::Style;
-use crate::systems::region_gnn::style::fingerprint;
-use crate::systems::registry;
+use crate::style::{Registry, Style, fingerprint};
 use crate::viz::report::{Column, Entry, Table};
 use rayon::prelude::*;
 use std::fs;
@@ -69,9 +68,16 @@ pub(super) struct EvalArgs {
 /// # Errors
 /// Whatever is wrong with the style, the DEM, a patch or an output path.
 pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
-    let style = Style::load(&args.style)?;
+    Outputs::new()
+        .writes("--csv", &args.csv, OutputKind::Csv)
+        .writes("--json", &args.json, OutputKind::Json)
+        .writes("--save", &args.save, OutputKind::Folder)
+        .reads(&args.style)
+        .reads(&args.dem.dem)
+        .check()?;
+    let style = context.registry.load(&args.style)?;
     let dem = args.dem.load(&context.console)?;
-    let systems = registry::select(&style, &args.systems)?;
+    let systems = context.registry.select(&style, &args.systems)?;
     let origins = patches(&args.patches, &dem)?;
     let (origins, overlapping) = without_exemplar(&style, &dem, origins);
     if overlapping > 0 {
@@ -90,14 +96,14 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
         return Err(Error::value("patches", &args.patches, allowed));
     }
     let config = EvaluationConfig {
-        extraction: style.info.config.extraction.clone(),
+        extraction: style.origin.extraction.clone(),
         sketch_order: args.sketch_order,
         sketch_accumulation: args.sketch_accumulation,
     };
     let progress = context.console.progress(origins.len() as u64, "patches");
     let evaluation = evaluate(&dem, &origins, &systems, &config, context.seed, true, || progress.advance(1))?;
     drop(progress);
-    let likenesses = likenesses(&evaluation, &style, &dem)?;
+    let likenesses = likenesses(&evaluation, &style, &context.registry, &dem)?;
     if let Some(path) = &args.csv {
         file::write_bytes(path, to_csv(&evaluation.rows)?.as_bytes())?;
     }
@@ -108,7 +114,7 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
     }
     if let Some(folder) = &args.save {
         for patch in &evaluation.patches {
-            save(patch, folder, dem.cell_size())?;
+            save(patch, folder, &dem)?;
         }
     }
     context.console.line(table(&aggregate(&evaluation.rows)));
@@ -137,7 +143,7 @@ fn patches(text: &str, dem: &Dem) -> Result<Vec<Cell>> {
 
 /// Leaves out patches that share cells with the exemplar, when this is the DEM that it was cut from.
 fn without_exemplar(style: &Style, dem: &Dem, origins: Vec<Cell>) -> (Vec<Cell>, usize) {
-    let e = &style.info.exemplar;
+    let e = &style.origin.exemplar;
     if fingerprint(dem) != e.source_sha256 {
         return (origins, 0);
     }
@@ -179,8 +185,13 @@ struct Likeness {
 
 /// The likeness of all systems that rebuilt a patch. What a patch has no answer to (level ground faces nowhere) is left out
 /// there: the scores of an evaluation are not lost for it.
-fn likenesses(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Likeness>> {
-    let e = &style.info.exemplar;
+fn likenesses(
+    evaluation: &Evaluation,
+    style: &Style,
+    registry: &Registry,
+    dem: &Dem,
+) -> Result<Vec<Likeness>> {
+    let e = &style.origin.exemplar;
     let exemplar = if fingerprint(dem) == e.source_sha256 {
         Some(dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?).filter(|window| window.void_count() == 0)
     } else {
@@ -188,7 +199,7 @@ fn likenesses(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<L
     };
     let names = evaluation.patches.first().map(|patch| &patch.outputs).into_iter().flatten();
     let likeness = |(i, (name, _)): (usize, &(String, Option<Grid<f32>>))| {
-        let audited = exemplar.as_ref().filter(|_| name.starts_with("gnn"));
+        let audited = exemplar.as_ref().filter(|_| registry.has_learned(name));
         let of_patch = |patch: &Rebuilt| -> Option<[Option<f64>; 4]> {
             let output = patch.outputs[i].1.as_ref()?;
             let (truth, valid) = (&patch.truth, &patch.valid);
@@ -270,17 +281,23 @@ pub(super) fn table(systems: &[SystemSummary]) -> String {
 }
 
 /// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres.
-fn save(patch: &Rebuilt, folder: &Path, cell_size: CellSize) -> Result<()> {
+fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
+    let place = dem.georeference().map(|g| g.shifted(patch.origin.row, patch.origin.col));
     let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));
     fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
     let metres = |unit: &Grid<f32>, valid: Mask| -> Result<Dem> {
         let heights = unit.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
-        Dem::with_voids(heights, valid, cell_size)
+        Ok(Dem::with_voids(heights, valid, dem.cell_size())?.at(place))
     };
     let options = WriteOptions::default();
     io::write(&metres(&patch.truth, patch.valid.clone())?, &folder.join("truth.tif"), &options)?;
     let lines = patch.lines.map_heights(|z| patch.normalization.to_metres(f64::from(z)) as f32);
-    geojson::write(&folder.join("sketch.geojson"), &Sketch::trace(&lines), HeightUnit::Metres, None)?;
+    geojson::write(
+        &folder.join("sketch.geojson"),
+        &Sketch::trace(&lines),
+        HeightUnit::Metres,
+        place.as_ref(),
+    )?;
     for (name, output) in &patch.outputs {
         if let Some(output) = output {
             let everywhere = output.map(|_| true);

@@ -2,6 +2,7 @@
 
 use super::Context;
 use super::console::Progress;
+use super::outputs::{OutputKind, Outputs};
 use crate::error::{Error, Result};
 use crate::experiment::areas::Terrain;
 use crate::experiment::documents::{self, Form};
@@ -156,14 +157,19 @@ fn twin(path: &Path) -> Result<PathBuf> {
 fn start(args: &RunArgs, context: &Context) -> Result<()> {
     let path = if args.quick { twin(&args.file)? } else { args.file.clone() };
     let spec = ExperimentSpec::read(&path)?;
-    let terrain = Terrain::new(args.data.as_deref())?;
-    let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
     let repeats = path.file_name().is_some_and(|name| name == "resolved.toml");
     if repeats && args.out.is_none() {
         let allowed = "allowed: with --out DIR, so that the record that is repeated stays as it is";
         return Err(Error::file(&path, "--out", "missing", allowed));
     }
     let out = record_of(&path, args.out.as_deref());
+    Outputs::new()
+        .writes("--out", &out, OutputKind::Folder)
+        .writes("--styles", &args.styles, OutputKind::Folder)
+        .reads(&args.peers)
+        .check()?;
+    let terrain = Terrain::new(args.data.as_deref())?;
+    let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
     file::create_folder(&out)?;
     let options = RunOptions {
         out: out.clone(),
@@ -233,6 +239,7 @@ impl Watch<'_> {
 }
 
 fn reports(args: &ReportArgs, context: &Context) -> Result<()> {
+    Outputs::new().writes("--splice", &args.splice, OutputKind::Document).check()?;
     let markers = args.splice.as_deref().map(documents::markers).transpose()?;
     each_record(&args.file, args.out.as_deref(), |path, record| {
         context.console.line(report::write(record)?.display().to_string());
@@ -256,7 +263,9 @@ fn reports(args: &ReportArgs, context: &Context) -> Result<()> {
 /// Does `act` with the record of an experiment file, or with those of all finished ones in experiments/full.
 fn each_record(file: &Path, out: Option<&Path>, act: impl Fn(&Path, &Record) -> Result<()>) -> Result<()> {
     if file.as_os_str() != "all" {
-        return act(file, &Record::new(&record_of(file, out)));
+        let folder = record_of(file, out);
+        Outputs::new().writes("--out", &folder, OutputKind::Folder).check()?;
+        return act(file, &Record::new(&folder));
     }
     if let Some(out) = out {
         return Err(Error::value("--out", out.display(), "allowed: with one experiment, not with all"));

@@ -5,7 +5,7 @@ use crate::dem::manifest::Manifest;
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
 use crate::grid::Cell;
-use crate::systems::region_gnn::Source;
+use crate::style::Source;
 use std::path::Path;
 
 /// Where terrain comes from by name: a folder with a manifest, then the bundled tiles.

@@ -11,8 +11,7 @@ use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::{curvature_distance, mean_slope_ratio, slope_distance, spectrum_distance};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::region_gnn::Style;
-use crate::systems::registry::Named;
+use crate::style::{Named, Style};
 use std::time::Instant;
 
 /// What is measured: systems of an area and seed, on a cell with a sketch.

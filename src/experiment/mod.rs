@@ -9,7 +9,6 @@ pub mod bounds;
 pub mod documents;
 pub mod events;
 mod measure;
-mod overlay;
 mod pictures;
 mod protocol;
 mod protocols;
@@ -27,5 +26,4 @@ mod validate;
 pub use crate::evaluate::{
     Evaluation, EvaluationConfig, PATCH, Rebuilt, aggregate, choose_exemplar, evaluate, patch_cells, to_csv,
 };
-pub use overlay::{overlay, style_config};
 pub use spec::{ExperimentSpec, Kind};

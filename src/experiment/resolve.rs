@@ -8,8 +8,7 @@ use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
 use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
 use crate::grid::{Cell, Grid};
-use crate::systems::region_gnn::Source;
-use crate::systems::region_gnn::style::fingerprint;
+use crate::style::{Source, fingerprint};
 
 /// Fills in everything that an experiment leaves open.
 ///

@@ -8,14 +8,14 @@ use super::measure::Systems;
 use super::record::TrainingRow;
 
 use super::spec::{DetailSpec, ExperimentSpec, StyleSpec};
+use crate::control::{Checkpoints, Control, Progress, Stage};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::seed::Seed;
-use crate::systems::pipeline::{StyleDetail, detail_of, learn_detail, take_patches, unseen_surface};
-use crate::systems::region_gnn::style::{StyleConfig, learn_with};
-use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, GenerationConfig, Style};
-use crate::systems::registry::{self, Named};
-use crate::systems::singan;
+use crate::style::{
+    Exemplar, GenerationConfig, Named, Registry, Style, StyleConfig, learn_coarse, learn_detail,
+    unseen_surface,
+};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -102,7 +102,7 @@ impl<'a> Styles<'a> {
         for (spec, outcome) in self.of(area, seed) {
             let Ok(style) = outcome else { continue };
             let uses = self.spec.uses(spec)?;
-            let used = registry::trained(style)?.into_iter().filter(|(name, _)| uses.contains(name));
+            let used = style.uses().into_iter().filter(|(name, _)| uses.contains(name));
             for (label, (_, system)) in self.spec.labels(spec)?.into_iter().zip(used) {
                 systems.styles.push((label.clone(), style));
                 systems.named.push((label, system));
@@ -116,7 +116,8 @@ impl<'a> Styles<'a> {
 
     fn interpolators(&self) -> Result<impl Iterator<Item = Named>> {
         let names = self.spec.interpolator_names()?;
-        Ok(registry::interpolators().into_iter().filter(move |(name, _)| names.contains(name)))
+        let all = Registry::default().interpolators().to_vec();
+        Ok(all.into_iter().filter(move |(name, _)| names.contains(name)))
     }
 
     /// The systems of an area and seed whose training failed, with the error.
@@ -179,16 +180,15 @@ fn hash(config: &StyleConfig, detail: Option<&DetailSpec>, area: &Area, seed: u6
 
 /// A style from an earlier run; a file that is not it, or torn, is trained again.
 fn load(path: &Path, training: &Training<'_>, with_detail: bool) -> Option<Style> {
-    let mut style = Style::load(path).ok()?;
+    let style = Style::load(path).ok()?;
     // A training that ended early says so in its number of epochs.
-    let mut config = of_training(&style.info.config);
+    let mut config = of_training(&style.config());
     config.model.epochs = training.config.model.epochs;
     let is_it = config == of_training(&training.config)
-        && style.info.exemplar == training.area.source.info
-        && style.info.seed == Seed(training.seed)
-        && style.info.detail.is_some() == with_detail;
-    style.info.config.generation = training.config.generation.clone();
-    is_it.then_some(style)
+        && style.origin.exemplar == training.area.source.info
+        && style.origin.seed == Seed(training.seed)
+        && style.detail.is_some() == with_detail;
+    style.with_generation(&training.config.generation).ok().filter(|_| is_it)
 }
 
 fn train(training: &Training<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Outcome> {
@@ -200,30 +200,29 @@ fn train(training: &Training<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Outc
     let (coarse, detailed) = (checkpoints("checkpoint"), checkpoints("detail-checkpoint"));
     let kept = [coarse.path.clone(), detailed.path.clone()];
     let learned = without_panic(|| {
-        let mut progress = |report: &EpochReport| {
-            // Also those that an earlier run has done.
-            watch(Event::Steps((report.epoch - told) as u64));
-            told = report.epoch;
-        };
-        let control = Control { progress: &mut progress, budget: None, checkpoints: Some(coarse) };
-        let (source, seed) = (&training.area.source, Seed(training.seed));
-        let Some(detail) = &training.style.detail else {
-            return learn_with(source, &training.config, seed, control);
-        };
-        // Another style of the experiment, or another experiment, may have trained the coarse model.
-        let mut style = match load(&training.coarse, training, false) {
-            Some(style) => style,
-            None => learn_with(source, &training.config, seed, control)?,
-        };
-        let unseen = unseen_surface(&style, source, seed, None, &mut |_| {})?;
-        match detail {
-            DetailSpec::Patches(_) => take_patches(&mut style, source, unseen.as_ref(), seed)?,
-            DetailSpec::Generators(settings) => {
-                let mut quiet = |_: &singan::StepReport| {};
-                let control =
-                    singan::Control { progress: &mut quiet, budget: None, checkpoints: Some(detailed) };
-                learn_detail(&mut style, source, unseen.as_ref(), settings, seed, control)?;
+        let mut progress = |done: &Progress<'_>| {
+            if matches!(done.stage, Stage::Coarse(_)) {
+                // Also those that an earlier run has done.
+                watch(Event::Steps((done.step - told) as u64));
+                told = done.step;
             }
+        };
+        let (source, seed) = (&training.area.source, Seed(training.seed));
+        let (plan, extraction) = (training.config.plan()?, &training.config.extraction);
+        // Another style of the experiment, or another experiment, may have trained the coarse model.
+        let known = training.style.detail.as_ref().and_then(|_| load(&training.coarse, training, false));
+        let mut style = match known {
+            Some(style) => style,
+            None => {
+                let control = Control { checkpoints: Some(coarse), ..Control::new(&mut progress) };
+                learn_coarse(source, extraction, &*plan, seed, control)?
+            }
+        };
+        if let Some(detail) = &training.style.detail {
+            let exemplar = Exemplar::new(source, extraction, seed)?;
+            let unseen = unseen_surface(&*plan, &exemplar, Control::new(&mut |_| {}))?;
+            let control = Control { checkpoints: Some(detailed), ..Control::new(&mut progress) };
+            learn_detail(&mut style, source, &*plan, unseen, &*detail.plan()?, control)?;
         }
         Ok(style)
     });
@@ -256,23 +255,18 @@ fn row(training: &Training<'_>, outcome: &Outcome) -> TrainingRow {
         Ok(style) => style,
         Err(error) => return TrainingRow { error: error.replace(['\n', '\r'], " "), ..row },
     };
-    let t = &style.info.training;
-    row.parameters = style.model.network().params().value_count();
-    row.epochs = t.epochs;
-    (row.seconds, row.preparation_seconds) = (round(t.seconds), round(t.preparation_seconds));
-    row.seconds_per_epoch = (t.seconds_per_epoch * 1e5).round() / 1e5;
-    let detail = match detail_of(style) {
-        Ok(Some(StyleDetail::Generators(d))) => {
-            let r = d.record();
-            Some((r.seconds, r.gain, Some(r.psnr)))
-        }
-        Ok(Some(StyleDetail::Patches(d))) => Some((d.record().seconds, d.record().gain, None)),
-        _ => None,
-    };
-    if let Some((seconds, gain, psnr)) = detail {
-        row.detail_seconds = Some(round(seconds));
-        row.detail_gain = Some(round(f64::from(gain)));
-        row.detail_psnr = psnr.map(round);
+    if let Ok(network) = style.network() {
+        let t = network.training();
+        row.parameters = network.model().network().params().value_count();
+        row.epochs = t.epochs;
+        (row.seconds, row.preparation_seconds) = (round(t.seconds), round(t.preparation_seconds));
+        row.seconds_per_epoch = (t.seconds_per_epoch * 1e5).round() / 1e5;
+    }
+    if let Some(detail) = &style.detail {
+        let account = detail.account();
+        row.detail_seconds = Some(round(account.seconds));
+        row.detail_gain = Some(round(f64::from(detail.gain())));
+        row.detail_psnr = account.figure("PSNR").map(round);
     }
     row
 }

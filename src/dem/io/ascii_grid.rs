@@ -183,7 +183,12 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
     let (south, point_y) = header.edge(path, "yllcorner", "yllcenter", dy)?;
     let raster_space = if point_x && point_y { RasterSpace::PixelIsPoint } else { RasterSpace::PixelIsArea };
     let north = south + dy * rows as f64;
-    let georeference = Georeference { transform: [dx, 0.0, west, 0.0, -dy, north], epsg: None, raster_space };
+    let georeference = Georeference {
+        transform: [dx, 0.0, west, 0.0, -dy, north],
+        epsg: None,
+        definition: None,
+        raster_space,
+    };
     let (cell_size, cell_size_source) = match options.cell_size {
         Some(given) => (given, CellSizeSource::Caller),
         None => {

@@ -153,7 +153,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn placed(transform: [f64; 6]) -> Georeference {
-        Georeference { transform, epsg: None, raster_space: RasterSpace::PixelIsArea }
+        Georeference { transform, epsg: None, definition: None, raster_space: RasterSpace::PixelIsArea }
     }
 
     #[test]

@@ -89,6 +89,7 @@ fn place(latitude: f64, longitude: f64, rows: usize, cols: usize) -> Georeferenc
     Georeference {
         transform: [dx, 0.0, longitude - dx / 2.0, 0.0, -dy, latitude + 1.0 + dy / 2.0],
         epsg: Some(4326),
+        definition: None,
         raster_space: RasterSpace::PixelIsPoint,
     }
 }

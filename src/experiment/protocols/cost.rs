@@ -13,7 +13,7 @@ use crate::interpolation::NaturalNeighbours;
 use crate::machine;
 use crate::seed::Seed;
 use crate::sketch::split_parts;
-use crate::systems::region_gnn::RegionGraph;
+use crate::style::RegionGraph;
 use crate::viz::report::{Column, Entry, Table};
 use std::time::Instant;
 

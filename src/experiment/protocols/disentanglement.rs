@@ -16,7 +16,7 @@ use crate::experiment::spec::ExperimentSpec;
 use crate::metrics::{Labelled, separation, tsne};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
-use crate::systems::registry::Named;
+use crate::style::Named;
 use crate::viz::plot::Scatter;
 use serde::{Deserialize, Serialize};
 
@@ -122,7 +122,7 @@ fn states_of(
     seed: Seed,
 ) -> Result<Vec<Labelled<StrokeKind>>> {
     let style = systems.style_of(name)?;
-    let states = style.model.region_states(lines, &style.info.config.generation, seed)?;
+    let states = style.network()?.model().region_states(lines, &style.config().generation, seed)?;
     let has = |kind| states.iter().any(|(k, _)| *k == kind);
     if !has(StrokeKind::Ridge) || !has(StrokeKind::Valley) {
         return Err(Error::value("kinds of region", 1, "ridges and valleys are needed to tell them apart"));

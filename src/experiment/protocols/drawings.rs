@@ -1,6 +1,7 @@
 //! Drawings without a truth, in several variants (Liu & Benes 2025, Figs. 7, 20).
 
 use super::general;
+use crate::control::Stop;
 use crate::dem::Normalization;
 use crate::error::Result;
 use crate::experiment::areas::{Area, Resolved};
@@ -18,7 +19,7 @@ use crate::metrics::{
 };
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind, samples};
-use crate::systems::registry::Named;
+use crate::style::Named;
 use crate::systems::task::{Ground, RandomHeights, with_random_lines};
 use crate::viz::Sheet;
 use std::time::Instant;
@@ -76,7 +77,9 @@ impl Protocol for Drawings {
         let about = (f64::from(high) - f64::from(low), line_share);
         let one = |(name, system): &Named| {
             let started = Instant::now();
-            let make = |(v, lines): (usize, &LineMap)| system.generate(lines, variant_seed(task.seed, v));
+            let make = |(v, lines): (usize, &LineMap)| {
+                system.generate(lines, variant_seed(task.seed, v), &Stop::new())
+            };
             let outputs: Result<Vec<Grid<f32>>> = variants.iter().enumerate().map(make).collect();
             let seconds = started.elapsed().as_secs_f64() / VARIANTS as f64;
             let extraction = &task.resolved.spec.extraction;
@@ -122,7 +125,7 @@ impl Protocol for Drawings {
                     let (_, variants) = drawing(area, sketch, seed)?;
                     sheet = sheet.panel(paper(&variants[0])?, "lines");
                     for (v, lines) in variants.iter().enumerate() {
-                        let output = system.generate(lines, variant_seed(seed, v))?;
+                        let output = system.generate(lines, variant_seed(seed, v), &Stop::new())?;
                         sheet = sheet.panel(painter.draw_whole(&output)?, format!("variant {}", v + 1));
                     }
                 }

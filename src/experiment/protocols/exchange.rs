@@ -1,6 +1,7 @@
 //! As `neighbours`, with each area's style on the patches of all areas (Liu & Benes 2025, Fig. 6).
 
 use super::general;
+use crate::control::Stop;
 use crate::dem::Normalization;
 use crate::error::Result;
 use crate::evaluate::{PATCH, patch_seed};
@@ -94,7 +95,8 @@ impl Protocol for Exchange {
             for (_, cell, painter, patch) in &patches {
                 let made = match systems.called(highlight) {
                     Some((_, system)) => {
-                        let output = system.generate(&patch.lines, patch_seed(Seed(seed), *cell))?;
+                        let output =
+                            system.generate(&patch.lines, patch_seed(Seed(seed), *cell), &Stop::new())?;
                         painter.draw(&output, &patch.valid)?
                     }
                     None => blank(),

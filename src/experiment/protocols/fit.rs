@@ -1,5 +1,6 @@
 //! Every exemplar is rebuilt by the style that learned it (Liu & Benes 2025, Table B1).
 
+use crate::control::Stop;
 use crate::dem::Normalization;
 use crate::error::Result;
 use crate::experiment::areas::{Area, Resolved};
@@ -14,8 +15,8 @@ use crate::grid::{Cell, Grid};
 use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::region_gnn::needs_correction;
-use crate::systems::registry::Named;
+use crate::style::Named;
+use crate::systems::task::SketchToTerrain;
 use crate::viz::report::{Column, Entry, Table, Text};
 use std::time::Instant;
 
@@ -139,14 +140,16 @@ fn rebuilt(task: &Task<'_>, (name, system): &Named) -> Measured {
     };
     match task.systems.style_of(name) {
         Ok(style) => {
-            let config = &style.info.config;
-            let correction = config.generation.correction.filter(|_| needs_correction(&config.model));
-            let last = style.info.training.history.last().map(|report| report.losses);
+            let last = style.network().ok().and_then(|network| network.training().history.last());
+            let losses = last.map(|report| report.losses);
             let losses =
-                last.map(|l| [l.ground_truth, l.gradient, l.sketch, l.smooth, l.further, 1.0 - l.ssim]);
-            let make = |lines: &LineMap| style.model.reconstruct(lines, correction, seed);
-            rebuild(&config.extraction, losses, &make)
+                losses.map(|l| [l.ground_truth, l.gradient, l.sketch, l.smooth, l.further, 1.0 - l.ssim]);
+            rebuild(&style.origin.extraction, losses, &|lines| {
+                style.network()?.rebuild(lines, seed, &Stop::new())
+            })
         }
-        Err(_) => rebuild(&task.resolved.spec.extraction, None, &|lines| system.generate(lines, seed)),
+        Err(_) => {
+            rebuild(&task.resolved.spec.extraction, None, &|lines| system.generate(lines, seed, &Stop::new()))
+        }
     }
 }

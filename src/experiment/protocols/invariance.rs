@@ -4,6 +4,7 @@
 //! moves nothing the two differ in their seed alone.
 
 use super::general;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::evaluate::patch_seed;
 use crate::experiment::measure::{Measured, Systems, Task, patch_of, without_truth};
@@ -15,7 +16,7 @@ use crate::experiment::spec::SketchSpec;
 use crate::grid::{Cell, Grid};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, Motion, split_parts};
-use crate::systems::registry::Named;
+use crate::style::Named;
 use crate::viz::Sheet;
 
 /// Unit heights: the terrain of the moved lines, moved back, against that of the lines.
@@ -93,17 +94,17 @@ fn pair(
     let style = if sketch.same_parts { systems.style_of(name).ok() } else { None };
     let (before, after) = match style {
         Some(style) => {
-            let model = &style.model;
+            let model = style.network()?.model();
             let parts = split_parts(lines, model.config().parts, seed);
             let turned = way.parts(&parts, lines.shape());
             let make = |lines: &LineMap, parts| {
-                model.generate_from_parts(lines, parts, &style.info.config.generation, seed)
+                model.generate_from_parts(lines, parts, &style.config().generation, seed)
             };
             (make(lines, parts)?, make(&moved, turned)?)
         }
         None => {
             let other = if is_at_rest { seed.derive("another seed") } else { seed };
-            (system.generate(lines, seed)?, system.generate(&moved, other)?)
+            (system.generate(lines, seed, &Stop::new())?, system.generate(&moved, other, &Stop::new())?)
         }
     };
     Ok((before, after, way))

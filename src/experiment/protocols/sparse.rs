@@ -1,6 +1,7 @@
 //! As `neighbours`, from ever thinner sketches.
 
 use super::{losses, neighbours};
+use crate::control::Stop;
 use crate::error::Result;
 use crate::evaluate::patch_seed;
 use crate::experiment::measure::patch_of;
@@ -12,7 +13,7 @@ use crate::experiment::results::{Results, Stat};
 use crate::experiment::scores::title;
 use crate::experiment::spec::ExperimentSpec;
 use crate::seed::Seed;
-use crate::systems::registry::Named;
+use crate::style::Named;
 use crate::viz::Sheet;
 use crate::viz::plot::{Curves, Panel};
 
@@ -88,7 +89,8 @@ fn thinning(gallery: &Gallery<'_>) -> Result<()> {
         for (_, system) in compared {
             for patch in &patches {
                 let made = patch.as_ref().and_then(|patch| {
-                    let output = system.generate(&patch.lines, patch_seed(Seed(seed), cell)).ok()?;
+                    let output =
+                        system.generate(&patch.lines, patch_seed(Seed(seed), cell), &Stop::new()).ok()?;
                     Some(painter.draw(&output, &patch.valid))
                 });
                 sheet = sheet.panel(made.transpose()?.unwrap_or_else(blank), "");

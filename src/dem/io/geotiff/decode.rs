@@ -35,6 +35,7 @@ pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -
     let georeference = placement.map(|p| Georeference {
         transform: p.transform,
         epsg: location.epsg,
+        definition: None,
         raster_space: location.raster_space,
     });
     let recorded = metadata.cell_size.zip(placement).and_then(|(r, p)| r.for_transform(p.transform));

@@ -171,6 +171,7 @@ fn local(dem: &Dem) -> Georeference {
     Georeference {
         transform: [size.x(), 0.0, 0.0, 0.0, -size.y(), north],
         epsg: None,
+        definition: None,
         raster_space: RasterSpace::PixelIsArea,
     }
 }
