@@ -35,6 +35,14 @@ pub fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Reads a text file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`read_whole`]; when it is not UTF-8.
+pub fn read_text(path: &Path, limit: u64) -> Result<String> {
+    String::from_utf8(read_whole(path, limit)?).map_err(|e| Error::file(path, "text", e, "allowed: UTF-8"))
+}
+
 /// Writes `bytes` to `path`, all or nothing; see [`write_atomically`].
 ///
 /// # Errors
@@ -203,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_added_at_the_end_and_removing_nothing_is_no_failure() {
+    fn appending_adds_lines_and_removing_nothing_is_fine() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a/b/journal");
         assert!(append(&path, "x").unwrap_err().to_string().contains("journal"));

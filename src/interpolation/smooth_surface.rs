@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn large_sparse_surfaces_obey_the_equation_and_its_bounds() {
+    fn large_sparse_surfaces_obey_the_equation() {
         let (known, values) = sparse(300, 211);
         let on_lines =
             || values.as_slice().iter().zip(known.as_slice()).filter(|(_, k)| **k).map(|(v, _)| *v);

@@ -214,7 +214,7 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
         geojson::write(&file("random-lines.geojson"), &s.enhanced.0, HeightUnit::Metres, None)?;
     }
     file::write_bytes(&out.join("drawing.geojson"), samples::text(DRAWING)?.as_bytes())?;
-    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows).as_bytes())
+    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows)?.as_bytes())
 }
 
 /// The commands that make the same things one by one.
