@@ -23,6 +23,7 @@ pub mod viz;
 pub mod learn;
 pub mod systems;
 pub mod style;
+pub mod evaluate;
 pub mod experiment;
 pub mod cli;
 

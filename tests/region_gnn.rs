@@ -73,8 +73,12 @@ fn both_presets_fit_one_patch() {
 fn anchored_terrain_meets_its_lines() {
     let style = style(Preset::Anchored, 5);
     let (_, _, lines) = patch(320, 320);
-    let made =
-        style.network().unwrap().model().generate(&lines, &style.config().generation, Seed(3)).unwrap();
+    let made = style
+        .network()
+        .unwrap()
+        .model()
+        .generate(&lines, &style.config().generation, Seed(3), &Stop::new())
+        .unwrap();
     for (cell, kind) in lines.kinds().cells() {
         if kind.is_some() {
             assert!((made[cell] - lines.heights()[cell]).abs() < 1e-4, "{cell:?}");
@@ -109,9 +113,9 @@ fn anchored_terrain_moves_and_stretches_with_its_sketch() {
     let style = style(Preset::Anchored, 20);
     let (_, _, lines) = patch(320, 320);
     let generation = &style.config().generation;
-    let here = style.network().unwrap().model().generate(&lines, generation, Seed(3)).unwrap();
+    let here = style.network().unwrap().model().generate(&lines, generation, Seed(3), &Stop::new()).unwrap();
     let there = lines.map_heights(|z| 500.0 + 40.0 * z);
-    let there = style.network().unwrap().model().generate(&there, generation, Seed(3)).unwrap();
+    let there = style.network().unwrap().model().generate(&there, generation, Seed(3), &Stop::new()).unwrap();
     for (a, b) in here.as_slice().iter().zip(there.as_slice()) {
         assert!((500.0 + 40.0 * a - b).abs() < 0.02, "{a} {b}");
     }
@@ -185,7 +189,7 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
                 .network()
                 .unwrap()
                 .model()
-                .generate(&lines, &style.config().generation, Seed(2))
+                .generate(&lines, &style.config().generation, Seed(2), &Stop::new())
                 .unwrap();
             (style.network().unwrap().model().network().params().snapshot().unwrap(), terrain)
         })
@@ -209,7 +213,7 @@ fn fine_tuning_brings_terrain_closer_to_the_lines() {
     let (_, _, lines) = patch(320, 320);
     let error = |fine_tuning| {
         let config = GenerationConfig { fine_tuning, correction: None, ..Default::default() };
-        let made = style.network().unwrap().model().generate(&lines, &config, Seed(3)).unwrap();
+        let made = style.network().unwrap().model().generate(&lines, &config, Seed(3), &Stop::new()).unwrap();
         let cells = lines.kinds().cells().filter(|(_, kind)| kind.is_some());
         cells.map(|(cell, _)| f64::from(made[cell] - lines.heights()[cell]).powi(2)).sum::<f64>()
     };

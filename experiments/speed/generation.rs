@@ -7,7 +7,7 @@
 //! terrain closer to the lines. Medians. Bias: other work on the machine counts.
 #![allow(clippy::print_stdout, reason = "a benchmark prints")]
 
-use monadnock::control::Control;
+use monadnock::control::{Control, Stop};
 use monadnock::dem::Normalization;
 use monadnock::dem::bundled;
 use monadnock::extract;
@@ -48,7 +48,7 @@ fn main() {
 
 fn time(what: &str, style: &Style, lines: &LineMap, config: &GenerationConfig) -> Grid<f32> {
     let model = style.network().expect("a network").model();
-    let run = || model.generate(lines, config, Seed(5)).expect("terrain");
+    let run = || model.generate(lines, config, Seed(5), &Stop::new()).expect("terrain");
     let first = run();
     let mut times = Vec::new();
     for _ in 0..5 {

@@ -1,7 +1,8 @@
 //! `monadnock amplify`: terrain becomes finer, with a style's detail below its cells.
 
 use super::Context;
-use super::args::{DemInput, check_output, keep_inputs};
+use super::args::DemInput;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::error::Result;
 use crate::style::amplify;
@@ -46,11 +47,13 @@ fn factor(text: &str) -> Result<u8, String> {
 /// # Errors
 /// Whatever is wrong with the style, the terrain or the output path.
 pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Terrain)
+        .reads(&args.style)
+        .reads(&args.dem.dem)
+        .check()?;
     let style = context.registry.load(&args.style)?;
     let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.style, &args.dem.dem])?;
-    io::check_name(&args.output)?;
     let dem = args.dem.load(&context.console)?;
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
     let factor = usize::from(args.factor);

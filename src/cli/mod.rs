@@ -15,9 +15,11 @@ mod experiment;
 mod extract;
 mod generate;
 mod info;
+mod outputs;
 mod render;
 mod sample;
 mod sketch_input;
+mod sketch_map;
 mod train;
 mod watch;
 

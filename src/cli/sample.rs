@@ -1,7 +1,8 @@
 //! `monadnock sample`: terrain of a style from noise alone.
 
 use super::Context;
-use super::args::{check_output, keep_inputs, size};
+use super::args::size;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem};
 use crate::error::Result;
@@ -36,11 +37,9 @@ pub(super) struct SampleArgs {
 /// # Errors
 /// Whatever is wrong with the style or the output path.
 pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
+    Outputs::new().writes("--output", &args.output, OutputKind::Terrain).reads(&args.style).check()?;
     let style = context.registry.load(&args.style)?;
     let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.style])?;
-    io::check_name(&args.output)?;
     let range = style.origin.normalization;
     let what = SampleUse { rows: args.size.0, cols: args.size.1, variety: args.variety };
     let unit = detail.sample(&what, context.seed, &context.stop())?;

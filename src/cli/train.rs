@@ -1,7 +1,8 @@
 //! `monadnock train`: one piece of a DEM becomes a style.
 
 use super::Context;
-use super::args::{CropOption, DemInput, SettingsOptions, check_output, keep_inputs, terrain_name};
+use super::args::{CropOption, DemInput, SettingsOptions, terrain_name};
+use super::outputs::{OutputKind, Outputs};
 use super::watch::watched;
 use crate::control::Checkpoints;
 use crate::error::{Error, Result};
@@ -74,6 +75,12 @@ enum DetailPresetName {
 /// # Errors
 /// Whatever is wrong with the input, the configuration or the output path.
 pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Style)
+        .reads(&args.dem.dem)
+        .reads(&args.settings.config)
+        .reads(&args.coarse)
+        .check()?;
     let choices = args.choices();
     // The settings first, whatever the terrain: what is wrong with them is said at once.
     let recipe = |shape| {
@@ -84,8 +91,6 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     recipe((64, 64))?;
     let dem = args.dem.load(&context.console)?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.dem.dem])?;
     let (origin, rows, cols) = match args.crop.window {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem)?,

@@ -1,70 +1,52 @@
-//! An experiment as a data file: what is asked, what is compared on what, and what the answer should be.
+//! An experiment as a data file: the question, what is compared on which terrain, and what the answer should be.
 //!
-//! `docs/experiments.md` describes the format for those who write one. A file that was resolved
-//! ([`resolve`](super::resolve::resolve)) is one too, with nothing left open.
+//! `docs/experiments.md` describes the format. A resolved experiment ([`resolve`](super::resolve::resolve)) is such a file
+//! too, with nothing left open.
 
 use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::file;
-use crate::metrics::Scores;
 use crate::style::{self, DetailPlan, GeneratorConfig, Preset, Registry, StyleConfig, generators, overlaid};
 use crate::systems::task::RandomHeights;
 use serde::{Deserialize, Deserializer, Serialize};
-use std::path::Path;
 use std::sync::Arc;
 
-/// The largest file that is read as an experiment, bytes.
-const LARGEST: u64 = 1 << 22;
-
-/// What is done with the trained styles.
+/// What is done with the trained styles: the name of a protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "each is described in its file below `protocols/`")]
 pub enum Kind {
-    /// Every test patch is rebuilt from its lines by every system (Liu & Benes 2025, 7.2: Figs. 8, 9, Table 1).
     Neighbours,
-    /// Every exemplar is rebuilt by the style that learned it (Table B1).
     Fit,
-    /// As `neighbours`, from ever thinner sketches.
     Sparse,
-    /// As `neighbours`, with variations of one style against a baseline.
     Ablation,
-    /// As `neighbours`, with every patch of an area as the exemplar in turn.
     Exemplar,
-    /// As `neighbours`, with each area's style on the patches of all areas (Fig. 6).
     Exchange,
-    /// Drawings without a truth, in several variants (Figs. 7, 20).
     Drawings,
-    /// The same lines turned, mirrored and shifted (Fig. 15).
     Invariance,
-    /// The states of ridge and valley regions after message passing (Fig. 13).
     Disentanglement,
-    /// As `neighbours`, with the seconds of each stage (section 7).
     Cost,
 }
 
 impl Kind {
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Neighbours => "neighbours",
-            Self::Fit => "fit",
-            Self::Sparse => "sparse",
-            Self::Ablation => "ablation",
-            Self::Exemplar => "exemplar",
-            Self::Exchange => "exchange",
-            Self::Drawings => "drawings",
-            Self::Invariance => "invariance",
-            Self::Disentanglement => "disentanglement",
-            Self::Cost => "cost",
-        }
-    }
+    /// Every one.
+    pub const ALL: [Self; 10] = [
+        Self::Neighbours,
+        Self::Fit,
+        Self::Sparse,
+        Self::Ablation,
+        Self::Exemplar,
+        Self::Exchange,
+        Self::Drawings,
+        Self::Invariance,
+        Self::Disentanglement,
+        Self::Cost,
+    ];
+}
 
-    /// Whether a patch is rebuilt and scored against its truth.
-    #[must_use]
-    pub fn has_truth(self) -> bool {
-        !matches!(self, Self::Drawings | Self::Invariance | Self::Disentanglement)
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -95,13 +77,10 @@ pub struct ExperimentSpec {
     #[serde(default)]
     pub interpolators: Vec<String>,
     /// The system that bounds, pictures and plots are about; the first style's first one when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub highlight: Option<String>,
     /// Ablation: the system that the others are compared with; the highlighted one when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baseline: Option<String>,
     /// At most so many test patches an area, the nearest to the exemplar.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub patches_per_area: Option<usize>,
     /// How lines of patches are found, and what the styles' own extraction begins with.
     #[serde(default)]
@@ -134,17 +113,14 @@ pub struct StyleSpec {
     #[serde(default)]
     pub systems: Vec<String>,
     /// The configuration to begin with.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
     /// Sections of the configuration that differ from the preset and the common overrides.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
     pub set: toml::Table,
     /// The whole configuration instead of preset, overrides and set: what a resolved file has.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<StyleConfig>,
     /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"paper"` (SinGAN as it was published), or generators
     /// with these settings. Without it the style is coarse only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<DetailSpec>,
 }
 
@@ -201,19 +177,14 @@ pub struct AreaSpec {
     /// Its name in a manifest, or that of a bundled tile.
     pub name: String,
     /// The terrain by its name in a manifest or bundle, where `name` is another.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<String>,
     /// Takes the means of so many by so many cells as the terrain.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coarser: Option<usize>,
     /// Row and column of the exemplar's north-west cell, and its side if not 128; the most varied central patch when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exemplar: Option<Vec<usize>>,
     /// North-west cells of the test patches; all whole ones that share no cell with the exemplar when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub patches: Option<Vec<[usize; 2]>>,
     /// SHA-256 of heights and voids, which must be those of the terrain that is found.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
 }
 
@@ -235,34 +206,25 @@ pub struct SketchSpec {
     /// For tables: "order 3".
     pub name: String,
     /// Lowest Strahler order; that of `extraction` when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub order: Option<u8>,
     /// Fewest cells that a line drains; those of `extraction` when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accumulation: Option<u32>,
     /// Keeps at most so many strokes (lines between junctions).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strokes: Option<usize>,
     /// Which ones; the longest when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub choose: Option<Choice>,
     /// `drawings`: the bundled sample sketch.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drawing: Option<String>,
     /// `drawings`: nodes of random lines (5.2); none when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random: Option<usize>,
     /// `drawings`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random_heights: Option<RandomHeights>,
     /// `invariance`: degrees by which the lines are turned about the middle, counter-clockwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turn: Option<f64>,
     /// `invariance`: west and east change places, before turning.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub mirror: bool,
     /// `invariance`: cells south and east by which the lines are moved.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shift: Option<[i32; 2]>,
     /// `invariance`: the parts move with the lines instead of being cut anew.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -298,26 +260,20 @@ pub enum Against {
 #[serde(deny_unknown_fields)]
 pub struct Bound {
     /// The system; the highlighted one when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub system: Option<String>,
     /// The score.
     pub metric: String,
     /// The sketch; every one when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sketch: Option<String>,
     /// The area; every one when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub area: Option<String>,
     /// Over what the mean is taken.
     pub over: Scope,
     /// What is subtracted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub against: Option<Against>,
     /// Lowest allowed value.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
     /// Highest allowed value.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
     /// Why this is expected.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -337,7 +293,6 @@ pub struct Printed {
     /// The number.
     pub value: f64,
     /// Its standard deviation, when printed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd: Option<f64>,
     /// What makes the two hard to compare.
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -349,91 +304,7 @@ fn main_metrics() -> Vec<String> {
     names.map(str::to_owned).to_vec()
 }
 
-/// Losses that `fit` adds to the scores: `l_gt` of the rebuilt exemplar, and those of the last training step with its noise
-/// and masked parts.
-pub const FIT_COLUMNS: [&str; 7] = [
-    "l_gt",
-    "train_l_gt",
-    "train_l_gradient",
-    "train_l_sketch",
-    "train_l_smooth",
-    "train_l_further",
-    "train_ssim",
-];
-
-/// What `exchange` adds to the scores: the output against the exemplar of its style.
-pub const STYLE_COLUMNS: [&str; 4] =
-    ["style_slope_ratio", "style_slope_distance", "style_curvature_distance", "style_spectrum_distance"];
-
-/// Scores of `drawings`, means over the variants.
-pub const DRAWING_COLUMNS: [&str; 13] = [
-    "diversity",
-    "stroke_height_error",
-    "drawn_ridge_recall",
-    "drawn_valley_recall",
-    "ridge_f1",
-    "valley_f1",
-    "roughness",
-    "pit_share",
-    "clipped_share",
-    STYLE_COLUMNS[0],
-    STYLE_COLUMNS[1],
-    STYLE_COLUMNS[2],
-    STYLE_COLUMNS[3],
-];
-
-/// Scores of `invariance`, unit heights: the terrain of the moved lines, moved back, against that of the lines.
-pub const INVARIANCE_COLUMNS: [&str; 2] = ["max_difference", "rms_difference"];
-
-/// Scores of `disentanglement`.
-pub const STATE_COLUMNS: [&str; 4] = ["kind_purity", "chance_purity", "kind_silhouette", "regions"];
-
-/// Scores of which less is better.
-const LOWER: [&str; 20] = [
-    "style_slope_distance",
-    "style_curvature_distance",
-    "style_spectrum_distance",
-    "max_difference",
-    "rms_difference",
-    "rmse",
-    "clipped_share",
-    "slope_distance",
-    "curvature_distance",
-    "spectrum_distance",
-    "pit_share",
-    "truth_pit_share",
-    "stroke_height_error",
-    "unasked_share",
-    "l_gt",
-    "train_l_gt",
-    "train_l_gradient",
-    "train_l_sketch",
-    "train_l_smooth",
-    "train_l_further",
-];
-
-/// Whether less of a score is better.
-#[must_use]
-pub fn lower_is_better(metric: &str) -> bool {
-    LOWER.contains(&metric)
-}
-
 impl ExperimentSpec {
-    /// Reads and checks an experiment file.
-    ///
-    /// # Errors
-    /// When the file cannot be read or understood, or a value is not allowed; the message names file, key and value.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = String::from_utf8(file::read_whole(path, LARGEST)?)
-            .map_err(|e| Error::file(path, "text", e, "allowed: TOML in UTF-8"))?;
-        let spec: Self = toml::from_str(&text).map_err(|e| {
-            let said = e.to_string();
-            Error::file(path, "experiment", "not understood", format!("the reader says: {}", said.trim_end()))
-        })?;
-        spec.validate().map_err(|e| e.in_file(path))?;
-        Ok(spec)
-    }
-
     /// The file that [`read`](Self::read) reads back as the same.
     ///
     /// # Panics
@@ -441,39 +312,6 @@ impl ExperimentSpec {
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("an experiment is plain data")
-    }
-
-    /// The columns of scores that this experiment gives.
-    #[must_use]
-    pub fn columns(&self) -> Vec<&'static str> {
-        let mut columns = Scores::names().to_vec();
-        match self.kind {
-            Kind::Fit => columns.extend(FIT_COLUMNS),
-            Kind::Exchange => columns.extend(STYLE_COLUMNS),
-            Kind::Drawings => return DRAWING_COLUMNS.to_vec(),
-            Kind::Invariance => return INVARIANCE_COLUMNS.to_vec(),
-            Kind::Disentanglement => return STATE_COLUMNS.to_vec(),
-            Kind::Neighbours | Kind::Sparse | Kind::Ablation | Kind::Exemplar | Kind::Cost => {}
-        }
-        columns
-    }
-
-    /// The names of all systems, those of the styles first, as they stand in the scores.
-    ///
-    /// # Errors
-    /// When a style's configuration or a system's name is not allowed.
-    pub fn systems(&self) -> Result<Vec<String>> {
-        let mut systems = Vec::new();
-        for style in &self.style {
-            for system in self.uses(style)? {
-                systems.push(if self.kind == Kind::Fit { style.name.clone() } else { style.label(&system) });
-                if self.kind == Kind::Fit {
-                    break;
-                }
-            }
-        }
-        systems.extend(self.interpolator_names()?);
-        Ok(systems)
     }
 
     /// The interpolators by name, in the order of the registry.
@@ -536,19 +374,6 @@ impl ExperimentSpec {
         overlaid(&base, [&self.overrides, &style.set], "configuration").map_err(named)
     }
 
-    /// The sketches; the one of `extraction` when none is named. For `exchange` one for each area, called as it is.
-    #[must_use]
-    pub fn sketches(&self) -> Vec<SketchSpec> {
-        let called = |name: &str| SketchSpec { name: name.to_owned(), ..SketchSpec::default() };
-        if self.kind == Kind::Exchange {
-            return self.area.iter().map(|area| called(&area.name)).collect();
-        }
-        if self.sketch.is_empty() {
-            return vec![called(if self.kind == Kind::Fit { "exemplar" } else { "dense" })];
-        }
-        self.sketch.clone()
-    }
-
     /// The system that the experiment is about.
     ///
     /// # Errors
@@ -556,14 +381,6 @@ impl ExperimentSpec {
     pub fn highlighted(&self) -> Result<String> {
         let first = || self.systems().map(|systems| systems[0].clone());
         self.highlight.clone().map_or_else(first, Ok)
-    }
-
-    /// Checks everything that can be checked without terrain.
-    ///
-    /// # Errors
-    /// Names the first key that is not allowed.
-    pub fn validate(&self) -> Result<()> {
-        super::validate::validate(self)
     }
 }
 

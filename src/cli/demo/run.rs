@@ -3,6 +3,7 @@
 use super::report;
 use crate::cli::Context;
 use crate::cli::generate::ground_of;
+use crate::cli::outputs::{OutputKind, Outputs};
 use crate::cli::sketch_input::in_metres;
 use crate::cli::watch::watched;
 use crate::dem::io::{self, WriteOptions};
@@ -83,6 +84,7 @@ pub(super) struct Shown {
 /// When the folder cannot be written.
 pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let out = &args.out;
+    Outputs::new().writes("--out", out, OutputKind::Folder).check()?;
     fs::create_dir_all(out).map_err(Error::io(out, "create the folder"))?;
     let mut config = StyleConfig::default();
     if args.quick {
@@ -199,7 +201,7 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
         geojson::write(&file("random-lines.geojson"), &s.enhanced.0, HeightUnit::Metres, None)?;
     }
     file::write_bytes(&out.join("drawing.geojson"), samples::text(DRAWING)?.as_bytes())?;
-    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows).as_bytes())
+    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows)?.as_bytes())
 }
 
 /// The commands that make the same things one by one.
