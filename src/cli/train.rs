@@ -7,7 +7,7 @@ use crate::checked::Settings;
 use crate::control::{Checkpoints, Control, Progress};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::experiment::{PATCH, choose_exemplar};
+use crate::evaluate::{PATCH, choose_exemplar};
 use crate::extract::ExtractionConfig;
 use crate::grid::{Cell, Grid};
 use crate::style::{
