@@ -24,8 +24,8 @@ pub(super) struct TrainArgs {
     #[command(flatten)]
     crop: CropOption,
     /// Named configuration of the network: anchored (ours) or paper (Liu & Benes 2025)
-    #[arg(long, value_enum, default_value = "anchored")]
-    preset: PresetName,
+    #[arg(long, value_parser = ["anchored", "paper"], default_value = "anchored")]
+    preset: String,
     /// Coarse systems to learn, separated by commas; the first is the one that `generate` uses
     #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "gnn")]
     systems: Vec<String>,
@@ -39,8 +39,8 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "MODEL", conflicts_with = "no_detail")]
     detail_model: Option<String>,
     /// Generators, and their named configuration: ours (the default), or paper (SinGAN as published: hours)
-    #[arg(long, value_enum, conflicts_with = "no_detail")]
-    detail_preset: Option<DetailPresetName>,
+    #[arg(long, value_parser = ["ours", "paper"], conflicts_with = "no_detail")]
+    detail_preset: Option<String>,
     /// Training steps of the network
     #[arg(long, conflicts_with = "budget")]
     epochs: Option<usize>,
@@ -56,18 +56,6 @@ pub(super) struct TrainArgs {
     /// Time between two checkpoints
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, default_value = "10s")]
     checkpoint_every: Duration,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum PresetName {
-    Anchored,
-    Paper,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum DetailPresetName {
-    Ours,
-    Paper,
 }
 
 /// Runs the verb.
@@ -133,13 +121,9 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
 impl TrainArgs {
     fn choices(&self) -> Choices {
         Choices {
-            preset: match self.preset {
-                PresetName::Anchored => Preset::Anchored,
-                PresetName::Paper => Preset::Paper,
-            },
-            generators: self.detail_preset.map(|preset| match preset {
-                DetailPresetName::Ours => GeneratorConfig::default(),
-                DetailPresetName::Paper => GeneratorConfig::paper(),
+            preset: if self.preset == "paper" { Preset::Paper } else { Preset::Anchored },
+            generators: self.detail_preset.as_ref().map(|name| {
+                if name == "paper" { GeneratorConfig::paper() } else { GeneratorConfig::default() }
             }),
             systems: self.systems.clone(),
             detail: match &self.detail_model {
@@ -155,7 +139,7 @@ impl TrainArgs {
     fn tell_of_checkpoints(&self, recipe: &Recipe, context: &Context) {
         match unfinished(&self.output, recipe) {
             Some((_, file)) if !self.resume => {
-                let text = "is of an interrupted training; this one begins anew (--resume continues it)";
+                let text = "is of an interrupted training; this one starts over (--resume continues it)";
                 context.console.warning(format!("{} {text}", file.display()));
             }
             None if self.resume && !self.output.exists() => {
