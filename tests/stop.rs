@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use monadnock::control::{Checkpoints, Control, Stop};
+use monadnock::control::{Checkpoints, Control, Progress, Stop};
 use monadnock::dem::bundled;
 use monadnock::extract::{ExtractionConfig, ridges_and_valleys_until};
 use monadnock::grid::{Cell, Grid};
@@ -45,7 +45,7 @@ fn config(epochs: usize) -> StyleConfig {
 
 /// Learns under `stop`.
 fn learned(recipe: &Recipe, side: usize, checkpoints: Option<Checkpoints>, stop: &Stop) -> Result<Style> {
-    let mut quiet = |_: &_| ();
+    let mut quiet = |_: &Progress<'_>| ();
     let control = Control { checkpoints, stop: stop.clone(), ..Control::new(&mut quiet) };
     learn(&source(side), recipe, control)
 }
@@ -87,7 +87,7 @@ fn trainings_stop_and_can_be_resumed() {
     assert!(style.detail.is_none(), "what was finished before can be used");
     let exemplar = Exemplar::new(&source(96), &ExtractionConfig::default(), Seed(1)).unwrap();
     stops("calibration", |stop| {
-        let mut quiet = |_: &_| ();
+        let mut quiet = |_: &Progress<'_>| ();
         let control = Control { stop: stop.clone(), ..Control::new(&mut quiet) };
         unseen_surface(&*config(FOREVER).plan().unwrap(), &exemplar, control)
     });
