@@ -10,7 +10,7 @@ use monadnock::grid::{Cell, Grid};
 use monadnock::metrics::ssim;
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
-use monadnock::style::{Registry, Source, Style, StyleConfig, learn_coarse};
+use monadnock::style::{self, Recipe, Registry, Source, Style, StyleConfig};
 use monadnock::systems::region_gnn::config::Kernel;
 use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Duration;
@@ -36,7 +36,7 @@ fn learn_with(
     seed: Seed,
     control: Control<'_>,
 ) -> monadnock::Result<Style> {
-    learn_coarse(source, &config.extraction, &*config.plan()?, seed, control)
+    style::learn(source, &Recipe::network(config, seed)?, control)
 }
 
 fn learn(source: &Source, config: &StyleConfig) -> monadnock::Result<Style> {
@@ -73,8 +73,12 @@ fn both_presets_fit_one_patch() {
 fn anchored_terrain_meets_its_lines() {
     let style = style(Preset::Anchored, 5);
     let (_, _, lines) = patch(320, 320);
-    let made =
-        style.network().unwrap().model().generate(&lines, &style.config().generation, Seed(3)).unwrap();
+    let made = style
+        .network()
+        .unwrap()
+        .model()
+        .generate(&lines, &style.config().generation, Seed(3), &Stop::new())
+        .unwrap();
     for (cell, kind) in lines.kinds().cells() {
         if kind.is_some() {
             assert!((made[cell] - lines.heights()[cell]).abs() < 1e-4, "{cell:?}");
@@ -109,9 +113,9 @@ fn anchored_terrain_moves_and_stretches_with_its_sketch() {
     let style = style(Preset::Anchored, 20);
     let (_, _, lines) = patch(320, 320);
     let generation = &style.config().generation;
-    let here = style.network().unwrap().model().generate(&lines, generation, Seed(3)).unwrap();
+    let here = style.network().unwrap().model().generate(&lines, generation, Seed(3), &Stop::new()).unwrap();
     let there = lines.map_heights(|z| 500.0 + 40.0 * z);
-    let there = style.network().unwrap().model().generate(&there, generation, Seed(3)).unwrap();
+    let there = style.network().unwrap().model().generate(&there, generation, Seed(3), &Stop::new()).unwrap();
     for (a, b) in here.as_slice().iter().zip(there.as_slice()) {
         assert!((500.0 + 40.0 * a - b).abs() < 0.02, "{a} {b}");
     }
@@ -185,7 +189,7 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
                 .network()
                 .unwrap()
                 .model()
-                .generate(&lines, &style.config().generation, Seed(2))
+                .generate(&lines, &style.config().generation, Seed(2), &Stop::new())
                 .unwrap();
             (style.network().unwrap().model().network().params().snapshot().unwrap(), terrain)
         })
@@ -209,7 +213,7 @@ fn fine_tuning_brings_terrain_closer_to_the_lines() {
     let (_, _, lines) = patch(320, 320);
     let error = |fine_tuning| {
         let config = GenerationConfig { fine_tuning, correction: None, ..Default::default() };
-        let made = style.network().unwrap().model().generate(&lines, &config, Seed(3)).unwrap();
+        let made = style.network().unwrap().model().generate(&lines, &config, Seed(3), &Stop::new()).unwrap();
         let cells = lines.kinds().cells().filter(|(_, kind)| kind.is_some());
         cells.map(|(cell, _)| f64::from(made[cell] - lines.heights()[cell]).powi(2)).sum::<f64>()
     };
@@ -301,18 +305,21 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
         learn_with(&source(160, 200), &config, Seed(3), control)
     });
     assert!(interrupted.is_err());
+    let other = kept(&part, 12, true, Seed(4)).unwrap_err().to_string();
+    assert!(other.contains("part.gnn-checkpoint") && other.contains("seed"), "{other}");
+    let state = folder.path().join("part.gnn-checkpoint");
+    let good = std::fs::read(&state).unwrap();
+    std::fs::write(&state, b"no checkpoint").unwrap();
+    assert!(kept(&part, 12, true, Seed(3)).unwrap_err().to_string().contains("part.gnn-checkpoint"));
+    std::fs::write(&state, good).unwrap();
     let resumed = kept(&part, 12, true, Seed(3)).unwrap();
+    assert!(!state.exists() && part.exists());
     assert_eq!(weights(&resumed), weights(&never_stopped));
     let losses = |s: &Style| {
         s.network().unwrap().training().history.iter().map(|h| (h.epoch, h.losses)).collect::<Vec<_>>()
     };
     assert_eq!(losses(&resumed), losses(&never_stopped));
     assert_eq!(resumed.network().unwrap().training().epochs, 12);
-
-    let other = kept(&part, 12, true, Seed(4)).unwrap_err().to_string();
-    assert!(other.contains("part") && other.contains("seed"), "{other}");
-    std::fs::write(&part, b"no checkpoint").unwrap();
-    assert!(kept(&part, 12, true, Seed(3)).unwrap_err().to_string().contains("part"));
 }
 
 #[test]

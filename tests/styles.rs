@@ -11,7 +11,7 @@ use monadnock::dem::io::{self, ReadOptions};
 use monadnock::grid::Cell;
 use monadnock::seed::Seed;
 use monadnock::sketch::samples;
-use monadnock::style::{Registry, Source, Style, add_detail, learn_coarse};
+use monadnock::style::{Choices, DetailChoice, Recipe, Registry, Source, Style, add_detail, learn};
 use monadnock::systems::task::{DetailUse, SampleUse};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -77,11 +77,15 @@ fn with_toy() -> Registry {
 fn toy_style() -> Style {
     let dem = bundled::load("sierra").unwrap();
     let source = Source::new("sierra", &dem, Cell::new(0, 0), 64, 64).unwrap();
-    let plan = with_toy().plan("plateau", &"steps = 3".parse().unwrap()).unwrap();
+    let (systems, settings) = (vec!["plateau".to_owned()], "plateau.steps = 3".parse().unwrap());
+    let choices = Choices { systems, settings, detail: DetailChoice::Without, ..Choices::default() };
+    let recipe = Recipe::new(&with_toy(), &choices, (64, 64), Seed(1)).unwrap();
     let mut steps = Vec::new();
     let mut watch = |done: &Progress<'_>| steps.push(done.step);
-    let extraction = monadnock::extract::ExtractionConfig::default();
-    let made = learn_coarse(&source, &extraction, &*plan, Seed(1), Control::new(&mut watch)).unwrap();
+    let made = learn(&source, &recipe, Control::new(&mut watch)).unwrap();
+    let left_out = Recipe { keep_terrain: false, ..recipe };
+    let refused = learn(&source, &left_out, Control::new(&mut |_| ())).unwrap_err().to_string();
+    assert!(refused.contains("left out"), "{refused}");
     assert_eq!(steps, [1, 2, 3]);
     made
 }
@@ -116,17 +120,21 @@ fn a_system_of_ones_own_is_on_the_command_line() {
         monadnock::cli::run_with(with_toy(), words.collect::<Vec<_>>().into_iter())
     };
     let (style, terrain, scores) = (at("s.safetensors"), at("t.npy"), at("s.csv"));
-    toy_style().save(Path::new(&style)).unwrap();
+    let train = ["train", "sierra", "--crop", "0,0,64", "-o", &style, "--systems", "plateau,gnn"];
+    let brief = ["--epochs", "2", "--set", "model.extractions=1", "--set", "plateau.steps=2"];
+    assert_eq!(run(&[&train[..], &brief].concat()), ExitCode::SUCCESS);
+    let unknown = ["train", "sierra", "-o", &scores, "--systems", "magic"];
+    assert_eq!(run(&unknown), ExitCode::FAILURE);
     assert_eq!(run(&["generate", &style, "--sketch", "lambda-ring", "-o", &terrain]), ExitCode::SUCCESS);
     assert_eq!(heights(Path::new(&terrain)).len(), 128 * 128);
     let eval = ["eval", &style, "sierra", "--patches", "128,128", "--csv", &scores, "--systems"];
-    assert_eq!(run(&[&eval[..], &["plateau,laplace"]].concat()), ExitCode::SUCCESS);
+    assert_eq!(run(&[&eval[..], &["plateau,gnn,laplace"]].concat()), ExitCode::SUCCESS);
     let text = std::fs::read_to_string(&scores).unwrap();
-    for name in ["plateau", "laplace"] {
+    for name in ["plateau", "plateau+detail", "gnn", "gnn+detail", "laplace"] {
         assert!(text.contains(&format!(",{name},")), "{name} is missing in {text}");
     }
     assert_eq!(run(&[&eval[..], &["magic"]].concat()), ExitCode::FAILURE);
     let select = with_toy().select(&with_toy().load(Path::new(&style)).unwrap(), "magic");
     let listed = select.err().unwrap().to_string();
-    assert!(listed.contains("all, plateau, nearest"), "{listed}");
+    assert!(listed.contains("all, plateau, plateau+detail, gnn, gnn+detail, nearest"), "{listed}");
 }

@@ -9,7 +9,7 @@
 #![allow(clippy::print_stdout, reason = "a benchmark prints")]
 
 use candle_core::{Device, Tensor};
-use monadnock::control::{Control, Progress};
+use monadnock::control::{Control, Progress, Stop};
 use monadnock::dem::{Normalization, bundled};
 use monadnock::extract::{self, ExtractionConfig};
 use monadnock::grid::{Grid, Mask};
@@ -119,7 +119,8 @@ fn stages() {
         let (seconds, model) = epochs(config, &heights, &valid, 40);
         line(&format!("epoch, {name}"), Duration::from_secs_f64(seconds), "losses and Adam included");
         let generation = monadnock::systems::region_gnn::GenerationConfig::default();
-        let (time, made) = median(5, || model.generate(&lines, &generation, Seed(5)).expect("terrain"));
+        let (time, made) =
+            median(5, || model.generate(&lines, &generation, Seed(5), &Stop::new()).expect("terrain"));
         let finite = made.as_slice().iter().all(|z| z.is_finite());
         assert!(finite, "generated heights are finite");
         line(&format!("generation, {name}"), time, "");

@@ -7,14 +7,14 @@
 //! terrain closer to the lines. Medians. Bias: other work on the machine counts.
 #![allow(clippy::print_stdout, reason = "a benchmark prints")]
 
-use monadnock::control::Control;
+use monadnock::control::{Control, Stop};
 use monadnock::dem::Normalization;
 use monadnock::dem::bundled;
 use monadnock::extract;
 use monadnock::grid::{Cell, Grid};
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
-use monadnock::style::{Source, Style, StyleConfig, learn_coarse};
+use monadnock::style::{Recipe, Source, Style, StyleConfig, learn};
 use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Instant;
 
@@ -26,9 +26,8 @@ fn main() {
         let mut config = StyleConfig::preset(preset);
         config.model.epochs = 40;
         let source = Source::new("sierra", &dem, Cell::new(192, 192), 128, 128).expect("a patch");
-        let plan = config.plan().expect("valid settings");
-        learn_coarse(&source, &config.extraction, &*plan, Seed(1), Control::new(&mut |_| ()))
-            .expect("a training")
+        let recipe = Recipe::network(&config, Seed(1)).expect("valid settings");
+        learn(&source, &recipe, Control::new(&mut |_| ())).expect("a training")
     };
     let (anchored, paper) = (style(Preset::Anchored), style(Preset::Paper));
     let extraction = &anchored.origin.extraction;
@@ -49,7 +48,7 @@ fn main() {
 
 fn time(what: &str, style: &Style, lines: &LineMap, config: &GenerationConfig) -> Grid<f32> {
     let model = style.network().expect("a network").model();
-    let run = || model.generate(lines, config, Seed(5)).expect("terrain");
+    let run = || model.generate(lines, config, Seed(5), &Stop::new()).expect("terrain");
     let first = run();
     let mut times = Vec::new();
     for _ in 0..5 {

@@ -58,7 +58,7 @@ pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
     let factor = usize::from(args.factor);
     let fine =
-        amplify(&dem, &**detail, style.origin.normalization, factor, &how, context.seed, &context.stop)?;
+        amplify(&dem, &**detail, style.origin.normalization, factor, &how, context.seed, &context.stop())?;
     io::write(&fine, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (fine.shape(), fine.range());
     context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));

@@ -6,6 +6,7 @@ use crate::dem::{CellSize, Dem, Normalization, bundled};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::Cell;
+use crate::style::overlay;
 use std::path::{Path, PathBuf};
 
 // The structs that are flattened into verbs have no doc comments: clap would take them for the verb's description.
@@ -298,6 +299,44 @@ pub(super) fn config_of<T: serde::de::DeserializeOwned>(path: &Path, table: toml
 fn config_error(path: &Path, error: &toml::de::Error) -> Error {
     let found = error.to_string().trim_end().to_owned();
     Error::file(path, "configuration", "not understood", format!("the reader says: {found}"))
+}
+
+// Settings that overrule presets.
+#[derive(clap::Args, Clone, Debug)]
+pub(super) struct SettingsOptions {
+    /// Configuration file
+    #[arg(long, value_name = "F.toml")]
+    pub(super) config: Option<PathBuf>,
+    /// One setting, such as model.width=64; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl SettingsOptions {
+    /// What `read` makes of the file's settings with the single ones over them. It reads the file's alone before, so that a bad key
+    /// there names the file.
+    ///
+    /// # Errors
+    /// When the file is not TOML or a setting has no value, and what `read` refuses.
+    pub(super) fn read<T>(&self, read: impl Fn(&toml::Table) -> Result<T>) -> Result<T> {
+        let mut over = toml::Table::new();
+        if let Some(path) = &self.config {
+            over = read_toml(path)?;
+            read(&over).map_err(|e| e.in_file(path))?;
+        }
+        for setting in &self.set {
+            let allowed = "allowed: KEY=VALUE such as model.width=64 or model.base=\"laplace\"";
+            let Some((key, value)) = setting.split_once('=') else {
+                return Err(Error::value("--set", setting, allowed));
+            };
+            // A bare word is a string, so that `model.base=laplace` works in a shell.
+            let table: toml::Table = toml::from_str(&format!("{key}={value}"))
+                .or_else(|_| toml::from_str(&format!("{key}=\"{value}\"")))
+                .map_err(|_| Error::value("--set", setting, allowed))?;
+            overlay(&mut over, &table);
+        }
+        read(&over)
+    }
 }
 
 #[cfg(test)]

@@ -3,9 +3,10 @@
 use super::args::{self, CropOption, DemInput};
 use super::outputs::{OutputKind, Outputs};
 use super::{Context, info};
+use crate::control::Stop;
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::extract::{ExtractionConfig, crop_lines, ridges_and_valleys};
+use crate::extract::{ExtractionConfig, crop_lines, ridges_and_valleys_until};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{LineMap, PartLengths, Sketch, split_parts};
 use std::path::{Path, PathBuf};
@@ -64,7 +65,7 @@ pub(super) fn run(args: &ExtractArgs, context: &Context) -> Result<()> {
         .check()?;
     let config = args.config()?;
     let dem = args.input.load(&context.console)?;
-    let (dem, lines) = args.lines_of(dem, &config)?;
+    let (dem, lines) = args.lines_of(dem, &config, &context.stop())?;
     if lines.line_count() == 0 {
         let allowed = "at least one is needed: try terrain with more relief, a larger window, or lower \
                        --accumulation or --min-order";
@@ -97,15 +98,15 @@ impl ExtractArgs {
     }
 
     /// The window with its lines.
-    fn lines_of(&self, dem: Dem, config: &ExtractionConfig) -> Result<(Dem, LineMap)> {
+    fn lines_of(&self, dem: Dem, config: &ExtractionConfig, stop: &Stop) -> Result<(Dem, LineMap)> {
         if !self.with_context {
             let dem = self.crop.apply(dem)?;
-            let lines = ridges_and_valleys(dem.heights(), dem.valid(), config)?;
+            let lines = ridges_and_valleys_until(dem.heights(), dem.valid(), config, stop)?;
             return Ok((dem, lines));
         }
         let window = self.crop.window_of(&dem);
         let cut = self.crop.apply(dem.clone())?;
-        let all = ridges_and_valleys(dem.heights(), dem.valid(), config)?;
+        let all = ridges_and_valleys_until(dem.heights(), dem.valid(), config, stop)?;
         let lines = crop_lines(&all, window.origin, window.rows, window.cols, config.min_length)?;
         Ok((cut, lines))
     }

@@ -133,7 +133,16 @@ impl DetailOptions {
         let mask = self.detail_mask.as_deref().map(|path| mask(path, terrain.shape())).transpose()?;
         let how =
             DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() };
-        add_detail(&terrain, &**detail, range, Some(lines), mask.as_ref(), &how, context.seed, &context.stop)
+        add_detail(
+            &terrain,
+            &**detail,
+            range,
+            Some(lines),
+            mask.as_ref(),
+            &how,
+            context.seed,
+            &context.stop(),
+        )
     }
 }
 
@@ -183,7 +192,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         None => sketch,
     };
     let lines = sketch.rasterize();
-    let terrain = style.generate(&lines, Some(range), context.seed, &context.stop)?;
+    let terrain = style.generate(&lines, Some(range), context.seed, &context.stop())?;
     let terrain = args.detail.add(&style, terrain, &lines, range, context).map_err(|e| match e {
         Error::Value { .. } => e.in_file(&args.style),
         other => other,

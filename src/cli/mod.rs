@@ -21,6 +21,7 @@ mod sample;
 mod sketch_input;
 mod sketch_map;
 mod train;
+mod watch;
 
 use crate::control::Stop;
 use crate::error::{Error, Result};
@@ -30,6 +31,10 @@ use clap::{CommandFactory, Parser, Subcommand};
 use console::Console;
 use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::OnceLock;
+
+/// What shells give for a program that Ctrl-C ended.
+const INTERRUPTED: u8 = 130;
 
 const PROGRAM: &str = env!("CARGO_PKG_NAME");
 
@@ -49,7 +54,8 @@ Terrain is read from GeoTIFF, SRTM .hgt, ESRI ASCII grid, greyscale PNG and NumP
 Exit codes:
   0  done
   1  failed: the message says which file, which field, the value found and what is allowed
-  2  the command line was not understood";
+  2  the command line was not understood
+  130  stopped by Ctrl-C: nothing half written is left";
 
 /// Learns the style of a landscape from one elevation model and turns drawn ridges and valleys into terrain.
 #[derive(Parser)]
@@ -114,8 +120,28 @@ struct Context {
     seed: Seed,
     /// The systems that styles can be made of.
     registry: Registry,
-    /// Ends the work.
-    stop: Stop,
+    /// Raised by Ctrl-C, once a verb has asked for it.
+    stop: OnceLock<Stop>,
+}
+
+impl Context {
+    /// The flag that Ctrl-C raises: for verbs whose work polls it, and so ends in order. A second Ctrl-C ends the program at once,
+    /// as the first one does for all other verbs.
+    fn stop(&self) -> Stop {
+        let install = || {
+            let stop = Stop::new();
+            let raised = stop.clone();
+            // Without a handler Ctrl-C ends the program as it always did.
+            let _ = ctrlc::set_handler(move || {
+                if raised.is_raised() {
+                    std::process::exit(i32::from(INTERRUPTED));
+                }
+                raised.raise();
+            });
+            stop
+        };
+        self.stop.get_or_init(install).clone()
+    }
 }
 
 /// Does what the command line `args` (the program's name first) asks for; reports failures on standard error.
@@ -140,7 +166,7 @@ pub fn run_with(registry: Registry, args: impl Iterator<Item = OsString>) -> Exi
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console::print_error(&error);
-            ExitCode::FAILURE
+            if matches!(error, Error::Stopped) { ExitCode::from(INTERRUPTED) } else { ExitCode::FAILURE }
         }
     }
 }
@@ -151,7 +177,7 @@ fn prepare(options: &GlobalOptions, console: Console, registry: Registry) -> Res
         let pool = rayon::ThreadPoolBuilder::new().num_threads(asked);
         pool.build_global().map_err(|e| Error::value("--threads", asked, format!("cannot be set: {e}")))?;
     }
-    Ok(Context { console, seed: Seed(options.seed), registry, stop: Stop::new() })
+    Ok(Context { console, seed: Seed(options.seed), registry, stop: OnceLock::new() })
 }
 
 fn dispatch(command: &Command, context: &Context) -> Result<()> {

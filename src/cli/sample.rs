@@ -42,7 +42,7 @@ pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
     let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
     let range = style.origin.normalization;
     let what = SampleUse { rows: args.size.0, cols: args.size.1, variety: args.variety };
-    let unit = detail.sample(&what, context.seed, &context.stop)?;
+    let unit = detail.sample(&what, context.seed, &context.stop())?;
     let [x, y] = style.origin.exemplar.cell_size;
     let dem = Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), CellSize::new(x, y)?)?;
     io::write(&dem, &args.output, &WriteOptions::default())?;

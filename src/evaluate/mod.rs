@@ -2,11 +2,10 @@
 //!
 //! A DEM and systems by name -> [`evaluate`] -> an [`Evaluation`] -> [`aggregate`]. The protocol is that of Liu & Benes 2025, 7.2.
 
-mod patches;
 mod rebuild;
 mod summary;
 
-pub use patches::{PATCH, choose_exemplar, patch_cells};
+pub use crate::style::{PATCH, choose_exemplar, patch_cells};
 pub use rebuild::{
     Evaluation, EvaluationConfig, Patch, PatchScore, Rebuilt, Reduction, evaluate, evaluate_reduced,
     patch_seed,

@@ -3,7 +3,6 @@
 //! Each patch is put into [0, 1] by its own range, its lines are extracted from it alone, every system rebuilds it from
 //! them, and the result is scored against the truth and, after another extraction, against the lines.
 
-use super::patches::PATCH;
 use crate::control::Stop;
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
@@ -13,6 +12,7 @@ use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::style::Named;
+use crate::style::PATCH;
 use crate::systems::task::SketchToTerrain;
 use rayon::prelude::*;
 use serde::Serialize;

@@ -12,10 +12,7 @@ use crate::control::{Checkpoints, Control, Progress, Stage};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::seed::Seed;
-use crate::style::{
-    Exemplar, GenerationConfig, Named, Registry, Style, StyleConfig, learn_coarse, learn_detail,
-    unseen_surface,
-};
+use crate::style::{GenerationConfig, Named, Recipe, Registry, Style, StyleConfig, learn, unfinished};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -193,12 +190,6 @@ fn load(path: &Path, training: &Training<'_>, with_detail: bool) -> Option<Style
 
 fn train(training: &Training<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Outcome> {
     let mut told = 0;
-    let checkpoints = |extension: &str| {
-        let path = training.path.with_extension(extension);
-        Checkpoints { interval: CHECKPOINTS, resume: path.exists(), path }
-    };
-    let (coarse, detailed) = (checkpoints("checkpoint"), checkpoints("detail-checkpoint"));
-    let kept = [coarse.path.clone(), detailed.path.clone()];
     let learned = without_panic(|| {
         let mut progress = |done: &Progress<'_>| {
             if matches!(done.stage, Stage::Coarse(_)) {
@@ -207,33 +198,24 @@ fn train(training: &Training<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Outc
                 told = done.step;
             }
         };
-        let (source, seed) = (&training.area.source, Seed(training.seed));
-        let (plan, extraction) = (training.config.plan()?, &training.config.extraction);
+        let mut recipe = Recipe::network(&training.config, Seed(training.seed))?;
+        recipe.detail = training.style.detail.as_ref().map(DetailSpec::plan).transpose()?;
         // Another style of the experiment, or another experiment, may have trained the coarse model.
-        let known = training.style.detail.as_ref().and_then(|_| load(&training.coarse, training, false));
-        let mut style = match known {
-            Some(style) => style,
-            None => {
-                let control = Control { checkpoints: Some(coarse), ..Control::new(&mut progress) };
-                learn_coarse(source, extraction, &*plan, seed, control)?
+        recipe.known = recipe.detail.as_ref().and_then(|_| load(&training.coarse, training, false));
+        let checkpoints = Checkpoints { path: training.path.clone(), interval: CHECKPOINTS, resume: true };
+        let control = Control { checkpoints: Some(checkpoints), ..Control::new(&mut progress) };
+        learn(&training.area.source, &recipe, control).or_else(|error| {
+            // A training that failed is not to be continued.
+            if let Some((_, path)) = unfinished(&training.path, &recipe) {
+                file::remove(&path)?;
             }
-        };
-        if let Some(detail) = &training.style.detail {
-            let exemplar = Exemplar::new(source, extraction, seed)?;
-            let unseen = unseen_surface(&*plan, &exemplar, Control::new(&mut |_| {}))?;
-            let control = Control { checkpoints: Some(detailed), ..Control::new(&mut progress) };
-            learn_detail(&mut style, source, &*plan, unseen, &*detail.plan()?, control)?;
-        }
-        Ok(style)
+            Err(error)
+        })
     });
     watch(Event::Steps(training.config.model.epochs.saturating_sub(told) as u64));
-    kept.iter().try_for_each(|path| file::remove(path))?;
     match learned {
-        Ok(style) => {
-            style.save(&training.path)?;
-            // As read back, so that a continued run does the same as an uninterrupted one.
-            Style::load(&training.path).map(Ok)
-        }
+        // As read back, so that a continued run does the same as an uninterrupted one.
+        Ok(_) => Style::load(&training.path).map(Ok),
         Err(error) => {
             let message = format!("training failed: {error}");
             let (style, area, seed) = (&training.style.name, &training.area.name, training.seed);

@@ -9,6 +9,7 @@
 use super::ExtractionConfig;
 use super::network::{Network, Traced};
 use super::relief::Relief;
+use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::{Cell, Components, Grid, Mask, thinning};
 use crate::sketch::{LineMap, StrokeKind};
@@ -30,7 +31,21 @@ pub struct Extraction {
 /// # Errors
 /// As [`extract`].
 pub fn ridges_and_valleys(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<LineMap> {
-    Ok(extract(heights, valid, config)?.lines)
+    ridges_and_valleys_until(heights, valid, config, &Stop::new())
+}
+
+/// As [`ridges_and_valleys`], unless it is stopped.
+///
+/// # Errors
+/// As there, and when it is stopped.
+pub fn ridges_and_valleys_until(
+    heights: &Grid<f32>,
+    valid: &Mask,
+    config: &ExtractionConfig,
+    stop: &Stop,
+) -> Result<LineMap> {
+    let drained = Drained::new(heights, valid, config, stop)?;
+    Ok(drained.lines(heights, config, stop)?.lines)
 }
 
 /// Ridges and valleys of `heights` (any unit) where `valid` is true, with their Strahler orders.
@@ -41,8 +56,8 @@ pub fn ridges_and_valleys(heights: &Grid<f32>, valid: &Mask, config: &Extraction
 /// # Errors
 /// When `config` is out of range, shapes differ, a valid height is not finite, or no cell is valid.
 pub fn extract(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<Extraction> {
-    let drained = Drained::new(heights, valid, config)?;
-    Ok(drained.lines(heights, config))
+    let stop = &Stop::new();
+    Drained::new(heights, valid, config, stop)?.lines(heights, config, stop)
 }
 
 /// Drainage of a DEM right way up and upside down: what extractions with different limits share.
@@ -55,26 +70,42 @@ pub(super) struct Drained {
 impl Drained {
     /// # Errors
     /// As [`extract`].
-    pub(super) fn new(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<Self> {
+    pub(super) fn new(
+        heights: &Grid<f32>,
+        valid: &Mask,
+        config: &ExtractionConfig,
+        stop: &Stop,
+    ) -> Result<Self> {
         config.validate()?;
         let relief = Relief::new(heights, valid, config)?;
+        stop.check()?;
         let surface = relief.surface();
         let (valleys, ridges) = rayon::join(
-            || Network::of(surface, config.routing),
-            || Network::of(&surface.inverted(), config.routing),
+            || Network::of(surface, config.routing, stop),
+            || Network::of(&surface.inverted(), config.routing, stop),
         );
-        Ok(Self { relief, ridges, valleys })
+        Ok(Self { relief, ridges: ridges?, valleys: valleys? })
     }
 
     /// The lines within the limits of `config` (its smoothing, margin and routing are those of `new`).
-    pub(super) fn lines(&self, heights: &Grid<f32>, config: &ExtractionConfig) -> Extraction {
+    ///
+    /// # Errors
+    /// When it is stopped.
+    pub(super) fn lines(
+        &self,
+        heights: &Grid<f32>,
+        config: &ExtractionConfig,
+        stop: &Stop,
+    ) -> Result<Extraction> {
         let trace = |network: &Network| network.trace(&self.relief, config);
         let (mut valleys, mut ridges) = rayon::join(|| trace(&self.valleys), || trace(&self.ridges));
+        stop.check()?;
         settle(&mut ridges, &mut valleys);
         let gradient = |cell| self.relief.gradient(cell);
         let finish = |traced: &Traced| drop_weak(&thinning::thin(&traced.lines), config, gradient);
         let (valley_lines, ridge_lines) = rayon::join(|| finish(&valleys), || finish(&ridges));
 
+        stop.check()?;
         let (rows, cols) = heights.shape();
         let mut extraction =
             Extraction { lines: LineMap::empty(rows, cols), orders: Grid::filled(rows, cols, 0) };
@@ -85,7 +116,7 @@ impl Drained {
                 extraction.orders[cell] = traced.orders[cell];
             }
         }
-        extraction
+        Ok(extraction)
     }
 }
 

@@ -14,5 +14,5 @@ mod variants;
 
 pub use config::{ExtractionConfig, Routing};
 pub use context::{crop_lines, with_context};
-pub use lines::{Extraction, extract, ridges_and_valleys};
+pub use lines::{Extraction, extract, ridges_and_valleys, ridges_and_valleys_until};
 pub use variants::variants;

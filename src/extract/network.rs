@@ -6,6 +6,8 @@
 
 use super::relief::Relief;
 use super::{ExtractionConfig, Routing};
+use crate::control::Stop;
+use crate::error::Result;
 use crate::flow::{self, Accumulation, FlowDirections, Surface};
 use crate::grid::{Cell, Grid, Mask, morphology, thinning};
 
@@ -30,22 +32,27 @@ pub(super) struct Traced {
 impl Network {
     /// Flat ground passes water on but gives none, and keeps only the main line of what crosses it: neither plains nor
     /// lakes, right way up or upside down, grow parallel lines.
-    pub(super) fn of(surface: &Surface, routing: Routing) -> Self {
+    ///
+    /// # Errors
+    /// When it is stopped.
+    pub(super) fn of(surface: &Surface, routing: Routing, stop: &Stop) -> Result<Self> {
         let directions = match routing {
-            Routing::LeastCost => flow::route(surface),
+            Routing::LeastCost => flow::route_until(surface, stop)?,
             Routing::Filled => flow::d8(&flow::fill(surface)),
         };
+        stop.check()?;
         let Some(flats) = surface.flats() else {
             let accumulation = flow::accumulate(&directions);
-            return Self { directions, accumulation, open: None };
+            return Ok(Self { directions, accumulation, open: None });
         };
         let slopes = flats.map(|flat| !flat);
         let accumulation = flow::accumulate_from(&directions, &slopes);
+        stop.check()?;
         let mut open = flow::main_stems(&directions, &accumulation, &flats);
         for (open, &slope) in open.as_mut_slice().iter_mut().zip(slopes.as_slice()) {
             *open |= slope;
         }
-        Self { directions, accumulation, open: Some(open) }
+        Ok(Self { directions, accumulation, open: Some(open) })
     }
 
     /// Lines within the limits of `config`, before the filters on whole lines.

@@ -3,6 +3,7 @@
 use super::ExtractionConfig;
 use super::config::MAX_ORDER;
 use super::lines::Drained;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 use crate::seed::Seed;
@@ -48,8 +49,9 @@ pub fn variants(
     if count == 0 {
         return Err(Error::value("number of extractions", count, "allowed: at least 1"));
     }
-    let drained = Drained::new(heights, valid, base)?;
-    Ok(base.variants(count, seed).iter().map(|config| drained.lines(heights, config).lines).collect())
+    let stop = &Stop::new();
+    let drained = Drained::new(heights, valid, base, stop)?;
+    base.variants(count, seed).iter().map(|config| Ok(drained.lines(heights, config, stop)?.lines)).collect()
 }
 
 impl ExtractionConfig {

@@ -25,6 +25,6 @@ pub use accumulation::{Accumulation, accumulate, accumulate_from};
 pub use directions::{Flow, FlowDirections};
 pub use fill::{FilledDem, d8, fill};
 pub use main_stem::main_stems;
-pub use routing::route;
+pub use routing::{route, route_until};
 pub use strahler::{StrahlerOrder, strahler};
 pub use surface::Surface;

@@ -9,14 +9,35 @@
 use super::Surface;
 use super::directions::{FlowDirections, OUTLET, OUTSIDE};
 use super::flood::{DONE, Flood, UNSEEN};
+use crate::control::Stop;
+use crate::error::Result;
 use crate::grid::d8;
 
+/// Cells that are routed from one look at the stop to the next: a few milliseconds.
+const BETWEEN_POLLS: usize = 1 << 16;
+
 /// Where the water of every cell goes on a surface that keeps its pits.
+///
+/// # Panics
+/// Never: nobody stops it.
 #[must_use]
 pub fn route(surface: &Surface) -> FlowDirections {
+    route_until(surface, &Stop::new()).expect("nobody stops it")
+}
+
+/// As [`route`], unless it is stopped.
+///
+/// # Errors
+/// When it is stopped.
+pub fn route_until(surface: &Surface, stop: &Stop) -> Result<FlowDirections> {
     let mut flood = Flood::new(surface);
     let Flood { steps, nodes, cells, state, queue, .. } = &mut flood;
+    let mut done = 0usize;
     while let Some(rank) = queue.pop() {
+        if done.is_multiple_of(BETWEEN_POLLS) {
+            stop.check()?;
+        }
+        done += 1;
         let here = cells[rank as usize] as usize;
         let height = f64::from(nodes[here].height);
         let mut steepest = 0.0;
@@ -40,5 +61,5 @@ pub fn route(surface: &Surface) -> FlowDirections {
         }
         state[here] |= DONE;
     }
-    FlowDirections::from_codes(flood.directions())
+    Ok(FlowDirections::from_codes(flood.directions()))
 }

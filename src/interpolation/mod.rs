@@ -12,5 +12,5 @@ mod sparse_matrix;
 pub use correction::{Correction, CorrectionKind};
 pub use delaunay::delaunay_linear;
 pub use natural_neighbour::{NaturalNeighbours, natural_neighbour_weights};
-pub use smooth_surface::{biharmonic, harmonic};
+pub use smooth_surface::{biharmonic, biharmonic_until, harmonic, harmonic_until};
 pub use sparse_matrix::SparseMatrix;

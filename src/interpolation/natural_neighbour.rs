@@ -18,6 +18,7 @@
 //! [`NaturalNeighbours::interpolate`] works without storing them and is the way to fill large, sparsely drawn maps.
 
 use super::SparseMatrix;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid, Mask};
 use rayon::prelude::*;
@@ -124,12 +125,26 @@ impl NaturalNeighbours {
     /// When there are more than 2^32 weights.
     #[must_use]
     pub fn weights(&self) -> SparseMatrix {
+        self.weights_until(&Stop::new()).expect("nobody stops it")
+    }
+
+    /// As [`weights`](Self::weights), unless it is stopped.
+    ///
+    /// # Errors
+    /// When it is stopped.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn weights_until(&self, stop: &Stop) -> Result<SparseMatrix> {
         let by_row: Vec<(Vec<u32>, Vec<u32>, Vec<f32>)> = (0..self.rows)
             .into_par_iter()
             .map_init(
                 || Search::new(self.sites.len()),
                 |search, row| {
                     let (mut counts, mut indices, mut values) = (Vec::new(), Vec::new(), Vec::new());
+                    if stop.is_raised() {
+                        return (counts, indices, values);
+                    }
                     self.visit_row(row, search, |_, shares| {
                         counts.push(shares.len() as u32);
                         indices.extend(shares.iter().map(|s| s.0));
@@ -139,6 +154,7 @@ impl NaturalNeighbours {
                 },
             )
             .collect();
+        stop.check()?;
         let total: usize = by_row.iter().map(|(_, indices, _)| indices.len()).sum();
         assert!(u32::try_from(total).is_ok(), "more than 2^32 weights: interpolate without storing them");
         let mut offsets = Vec::with_capacity(self.site_at.len() + 1);
@@ -153,7 +169,8 @@ impl NaturalNeighbours {
             indices.extend(row_indices);
             values.extend(row_values);
         }
-        SparseMatrix::from_compressed_rows(self.site_at.len(), self.sites.len(), offsets, indices, values)
+        let (rows, columns) = (self.site_at.len(), self.sites.len());
+        Ok(SparseMatrix::from_compressed_rows(rows, columns, offsets, indices, values))
     }
 
     /// The weighted mean of `values`, one per line cell in row-major order, at every cell. Line cells keep their value.
@@ -162,11 +179,25 @@ impl NaturalNeighbours {
     /// When the number of values is not that of the line cells.
     #[must_use]
     pub fn interpolate(&self, values: &[f64]) -> Grid<f64> {
+        self.interpolate_until(values, &Stop::new()).expect("nobody stops it")
+    }
+
+    /// As [`interpolate`](Self::interpolate), unless it is stopped.
+    ///
+    /// # Errors
+    /// When it is stopped.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn interpolate_until(&self, values: &[f64], stop: &Stop) -> Result<Grid<f64>> {
         assert_eq!(values.len(), self.sites.len(), "one value a line cell");
         let mut out = Grid::filled(self.rows, self.cols, 0.0);
         out.as_mut_slice().par_chunks_mut(self.cols).enumerate().for_each_init(
             || Search::new(self.sites.len()),
             |search, (row, out)| {
+                if stop.is_raised() {
+                    return;
+                }
                 self.visit_row(row, search, |col, shares| {
                     out[col] = match shares {
                         [only] => values[only.0 as usize],
@@ -175,7 +206,8 @@ impl NaturalNeighbours {
                 });
             },
         );
-        out
+        stop.check()?;
+        Ok(out)
     }
 
     /// Calls `f` with every column of `row` and the (site, share) pairs of that cell, sites rising.

@@ -11,6 +11,7 @@
 //! one ring of 700 cells diameter: 120 steps, 3 to 5 s).
 
 use super::multigrid::{Energy, solve};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 
@@ -22,7 +23,15 @@ use crate::grid::{Grid, Mask};
 /// # Errors
 /// When the shapes differ, nothing is known, or a known value is not finite.
 pub fn harmonic(known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>> {
-    surface(Energy::Membrane, known, values)
+    harmonic_until(known, values, &Stop::new())
+}
+
+/// As [`harmonic`], unless it is stopped.
+///
+/// # Errors
+/// As there, and when it is stopped.
+pub fn harmonic_until(known: &Mask, values: &Grid<f64>, stop: &Stop) -> Result<Grid<f64>> {
+    surface(Energy::Membrane, known, values, stop)
 }
 
 /// The thin plate: the squared Laplacian at the unknown cells. Smoother across lines than [`harmonic`], and not bounded by
@@ -33,10 +42,18 @@ pub fn harmonic(known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>> {
 /// # Errors
 /// When the shapes differ, nothing is known, a known value is not finite, or the solver does not reach its tolerance.
 pub fn biharmonic(known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>> {
-    surface(Energy::Plate, known, values)
+    biharmonic_until(known, values, &Stop::new())
 }
 
-fn surface(energy: Energy, known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>> {
+/// As [`biharmonic`], unless it is stopped.
+///
+/// # Errors
+/// As there, and when it is stopped.
+pub fn biharmonic_until(known: &Mask, values: &Grid<f64>, stop: &Stop) -> Result<Grid<f64>> {
+    surface(Energy::Plate, known, values, stop)
+}
+
+fn surface(energy: Energy, known: &Mask, values: &Grid<f64>, stop: &Stop) -> Result<Grid<f64>> {
     if known.shape() != values.shape() {
         return Err(Error::value(
             "mask of known cells",
@@ -55,7 +72,7 @@ fn surface(energy: Energy, known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>
             "allowed: finite",
         ));
     }
-    solve(energy, known, values)
+    solve(energy, known, values, stop)
 }
 
 #[cfg(test)]

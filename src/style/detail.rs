@@ -5,7 +5,7 @@ use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid, Mask};
-use crate::interpolation::harmonic;
+use crate::interpolation::harmonic_until;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::systems::task::{DetailModel, DetailUse};
@@ -73,7 +73,7 @@ pub fn amplify(
     }
     let valid = dem.valid();
     let known = if dem.void_count() > 0 {
-        harmonic(valid, &dem.heights().map(|z| f64::from(*z)))?.map(|z| *z as f32)
+        harmonic_until(valid, &dem.heights().map(|z| f64::from(*z)), stop)?.map(|z| *z as f32)
     } else {
         dem.heights().clone()
     };

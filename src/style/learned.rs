@@ -134,8 +134,12 @@ pub trait SystemPlan: Debug + Send + Sync {
     /// The plan for half of the exemplar: [`System::for_half`].
     fn halved(&self) -> Arc<dyn SystemPlan>;
 
-    /// Whether something with this plan has learned what is there, as far as settings say.
-    fn made(&self, system: &dyn LearnedSystem) -> bool;
+    /// As [`Part::TAKES_BUDGET`].
+    fn takes_budget(&self) -> bool;
+
+    /// Whether something with this plan has learned what is there, as far as settings say; where that was `timed` by a budget,
+    /// whatever its number of steps.
+    fn made(&self, system: &dyn LearnedSystem, timed: bool) -> bool;
 
     /// As [`Part::learn`].
     ///
@@ -148,6 +152,9 @@ pub trait SystemPlan: Debug + Send + Sync {
 pub trait DetailPlan: Debug + Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;
+
+    /// As [`Part::TAKES_BUDGET`].
+    fn takes_budget(&self) -> bool;
 
     /// As [`Part::learn`].
     ///
@@ -183,9 +190,19 @@ impl<S: System> SystemPlan for Planned<S> {
         Arc::new(Self(half))
     }
 
-    fn made(&self, system: &dyn LearnedSystem) -> bool {
+    fn takes_budget(&self) -> bool {
+        S::TAKES_BUDGET
+    }
+
+    fn made(&self, system: &dyn LearnedSystem, timed: bool) -> bool {
         let any: &dyn Any = system;
-        any.downcast_ref::<S>().is_some_and(|system| system.config() == &*self.0)
+        any.downcast_ref::<S>().is_some_and(|system| {
+            if timed {
+                S::untimed(system.config()) == S::untimed(&self.0)
+            } else {
+                system.config() == &*self.0
+            }
+        })
     }
 
     fn learn(&self, exemplar: &Exemplar, control: Control<'_>) -> Result<Arc<dyn LearnedSystem>> {
@@ -196,6 +213,10 @@ impl<S: System> SystemPlan for Planned<S> {
 impl<D: Part + DetailModel> DetailPlan for Planned<D> {
     fn name(&self) -> &'static str {
         D::NAME
+    }
+
+    fn takes_budget(&self) -> bool {
+        D::TAKES_BUDGET
     }
 
     fn learn(&self, exemplar: &Exemplar, control: Control<'_>) -> Result<Arc<dyn LearnedDetail>> {

@@ -9,12 +9,13 @@ mod detail;
 mod file;
 mod learn;
 mod learned;
+mod recipe;
 mod registry;
 mod unseen;
 mod uses;
 mod version1;
+mod windows;
 
-pub use crate::systems::gpnn::check_shape as check_patches;
 pub use crate::systems::region_gnn::{
     GenerationConfig, LossValues, Preset, RegionGraph, RegionNetwork, RegionNetworkConfig, TrainingSummary,
 };
@@ -23,11 +24,13 @@ pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
 pub use config::{StyleConfig, generators, overlaid, overlay};
 pub use detail::{add_detail, amplify};
 pub use file::KEY;
-pub use learn::{learn_coarse, learn_detail};
+pub use learn::{learn, unfinished};
 pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, Stored, SystemPlan, detail_plan, system_plan};
+pub use recipe::{Choices, DetailChoice, Recipe, default_window};
 pub use registry::{Named, Registry};
 pub use unseen::{has_unseen, unseen_surface};
 pub use uses::{names, suffix};
+pub use windows::{PATCH, choose_exemplar, patch_cells};
 
 use crate::control::Stop;
 use crate::dem::{Dem, Normalization};

@@ -73,8 +73,8 @@ pub fn suffix<'a>(registry: &Registry, name: &'a str) -> &'a str {
 }
 
 fn harmonic(start: Arc<dyn SketchToTerrain>) -> Finishing {
-    let finish = |coarse: &Grid<f32>, lines: &LineMap, _: Seed, _: &Stop| {
-        Correction::new(CorrectionKind::Harmonic, lines)?.apply(coarse)
+    let finish = |coarse: &Grid<f32>, lines: &LineMap, _: Seed, stop: &Stop| {
+        Correction::new(CorrectionKind::Harmonic, lines)?.apply_until(coarse, stop)
     };
     Finishing { start, finish: Box::new(finish) }
 }

@@ -31,8 +31,8 @@ fn detail_is_trained_added_and_left_out() {
     let at = folder.path();
     let said = done(at, &BRIEF).out;
     assert!(said.contains("detail: ") && said.contains("scales"), "{said}");
-    assert!(!at.join("s.safetensors.checkpoint").exists());
-    assert!(!at.join("s.safetensors.detail-checkpoint").exists());
+    assert!(!at.join("s.safetensors.gnn-checkpoint").exists());
+    assert!(!at.join("s.safetensors.generators-checkpoint").exists());
     let info = done(at, &["info", "s.safetensors"]).out;
     assert!(info.contains("scales, ") && info.contains("exemplar rebuilt with PSNR"), "{info}");
     let json: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
@@ -187,7 +187,7 @@ fn an_interrupted_detail_training_is_resumed_and_a_budget_is_kept() {
         .args([&BRIEF[..], &slow].concat())
         .spawn()
         .unwrap();
-    let kept = at.join("s.safetensors.detail-checkpoint");
+    let kept = at.join("s.safetensors.generators-checkpoint");
     let begun = std::time::Instant::now();
     while !kept.exists() {
         assert!(begun.elapsed().as_secs() < 300 && child.try_wait().unwrap().is_none(), "no checkpoint");

@@ -127,15 +127,18 @@ fn a_training_that_diverges_fails_and_keeps_its_last_good_state() {
     let train = |more: &[&'static str]| run(at, &[&common[..], &settings[..], more].concat());
     let wild = train(&["--set", "model.learning_rate=1"]);
     assert_eq!(wild.code, 1, "{}{}", wild.out, wild.err);
-    for words in
-        ["error: training diverged at epoch", "lower learning rate", "s.safetensors.checkpoint", "--resume"]
-    {
+    for words in [
+        "error: training diverged at epoch",
+        "lower learning rate",
+        "s.safetensors.gnn-checkpoint",
+        "--resume",
+    ] {
         assert!(wild.err.contains(words), "{words:?} is missing in: {}", wild.err);
     }
-    assert!(!at.join("s.safetensors").exists() && at.join("s.safetensors.checkpoint").exists());
+    assert!(!at.join("s.safetensors").exists() && at.join("s.safetensors.gnn-checkpoint").exists());
 
     // What was kept is good: the training goes on from there.
     let tame = train(&["--set", "model.learning_rate=1e-3", "--resume"]);
     assert_eq!(tame.code, 0, "{}{}", tame.out, tame.err);
-    assert!(at.join("s.safetensors").exists() && !at.join("s.safetensors.checkpoint").exists());
+    assert!(at.join("s.safetensors").exists() && !at.join("s.safetensors.gnn-checkpoint").exists());
 }

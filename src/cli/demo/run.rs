@@ -6,8 +6,7 @@ use crate::cli::Context;
 use crate::cli::generate::ground_of;
 use crate::cli::outputs::{OutputKind, Outputs};
 use crate::cli::sketch_input::in_metres;
-use crate::cli::train::{Bounds, train_with_progress, unseen_with_progress};
-use crate::control::Control;
+use crate::cli::watch::watched;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
@@ -17,7 +16,7 @@ use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{Sketch, samples};
-use crate::style::{Source, Style, StyleConfig, add_detail, learn_detail};
+use crate::style::{Recipe, Source, Style, StyleConfig, add_detail, learn};
 use crate::systems::task::{DetailUse, RandomHeights, SketchToTerrain, with_random_lines};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -69,21 +68,9 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
         let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
-        let plan = config.plan()?;
-        let mut style = train_with_progress(
-            &source,
-            &config.extraction,
-            &*plan,
-            context,
-            &format!("training on {name}"),
-            Bounds::default(),
-        )?;
+        let recipe = Recipe::network(&config, context.seed)?.with_patches()?;
+        let style = watched(context, None, None, |control| learn(&source, &recipe, control))?;
         timed(format!("training on {name}"), started);
-        let started = Instant::now();
-        let unseen = unseen_with_progress(&source, &config.extraction, &*plan, None, context)?;
-        let patches = context.registry.plan_detail("patches", &toml::Table::new())?;
-        learn_detail(&mut style, &source, &*plan, unseen, &*patches, Control::new(&mut |_| {}))?;
-        timed(format!("taking the detail of {name}"), started);
         let started = Instant::now();
         styles.push(draw_with(name, source, style, context)?);
         timed(format!("drawing in the style of {name}"), started);
@@ -137,15 +124,15 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let metres = |unit: &Grid<f32>| -> Result<Dem> {
         Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), source.dem.cell_size())
     };
-    let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop)?)?;
+    let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop())?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
     let detail = style.needed_detail()?;
-    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed, &context.stop);
+    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed, &context.stop());
     let terrain = |sketch: &Sketch| -> Result<Dem> {
         let (coarse, lines) = (plain(sketch)?, sketch.rasterize());
         let how = DetailUse::default();
         let heights =
-            add_detail(&coarse, &**detail, range, Some(&lines), None, &how, context.seed, &context.stop)?;
+            add_detail(&coarse, &**detail, range, Some(&lines), None, &how, context.seed, &context.stop())?;
         Dem::new(heights, source.dem.cell_size())
     };
     let ground = ground_of(&style, range);

@@ -7,6 +7,7 @@
 use super::energy::Energy;
 use super::plane::{Plane, Real};
 use super::stencils::{Finer, Stencils, coarser};
+use crate::control::Stop;
 
 /// The coarsest raster has at most this many cells.
 const COARSEST_CELLS: usize = 64;
@@ -22,6 +23,7 @@ const SMOOTHED_RANGE: f64 = 20.0;
 pub(super) struct Cycle<T> {
     levels: Vec<Level<T>>,
     coarsest: Cholesky,
+    stop: Stop,
 }
 
 struct Level<T> {
@@ -218,7 +220,7 @@ fn restrict<T: Real>(fine: &Plane<T>, coarse: &mut Plane<T>) {
 
 impl<T: Real> Cycle<T> {
     /// Builds the hierarchy for the raster whose free cells are 1 in `free`.
-    pub(super) fn new(energy: Energy, free: Plane<T>) -> Self {
+    pub(super) fn new(energy: Energy, free: Plane<T>, stop: &Stop) -> Self {
         let mut levels = vec![Level::new(Operator::Raster(energy, free))];
         loop {
             let finest = levels.len() == 1;
@@ -234,7 +236,7 @@ impl<T: Real> Cycle<T> {
             Some(Operator::Coarse(stencils)) => Cholesky::new(stencils.dense()),
             _ => unreachable!("the loop makes at least one coarse raster"),
         };
-        Self { levels, coarsest }
+        Self { levels, coarsest, stop: stop.clone() }
     }
 
     /// Where the right side goes before [`run`](Self::run): zero at known cells.
@@ -242,10 +244,13 @@ impl<T: Real> Cycle<T> {
         &mut self.levels[0].right_side
     }
 
-    /// One V-cycle; the approximate solution.
+    /// One V-cycle; the approximate solution, or anything once it is stopped.
     pub(super) fn run(&mut self) -> &Plane<T> {
         let last = self.levels.len() - 1;
         for l in 0..last {
+            if self.stop.is_raised() {
+                break;
+            }
             let (fine, coarse) = self.levels.split_at_mut(l + 1);
             let (fine, coarse) = (&mut fine[l], &mut coarse[0]);
             fine.smooth(true);
@@ -255,6 +260,9 @@ impl<T: Real> Cycle<T> {
         let Level { right_side, answer, .. } = &mut self.levels[last];
         self.coarsest.solve(right_side, answer);
         for l in (0..last).rev() {
+            if self.stop.is_raised() {
+                break;
+            }
             let (fine, coarse) = self.levels.split_at_mut(l + 1);
             fine[l].add_from(&coarse[0].answer);
             fine[l].smooth(false);
@@ -318,6 +326,7 @@ impl Cholesky {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Stop;
     use crate::interpolation::multigrid::plane::{dot, sum_rows};
 
     const SIDES: [(usize, usize); 6] = [(1, 9), (9, 1), (12, 17), (13, 8), (40, 21), (33, 64)];
@@ -395,7 +404,7 @@ mod tests {
         for (energy, weakest) in [(Energy::Membrane, 0.7), (Energy::Plate, 0.05)] {
             for (rows, cols) in SIDES {
                 let free = free(rows, cols);
-                let mut cycle = Cycle::<f64>::new(energy, free.clone());
+                let mut cycle = Cycle::<f64>::new(energy, free.clone(), &Stop::new());
                 let mut apply = |b: &Plane<f64>| {
                     *cycle.right_side_mut() = b.clone();
                     cycle.run().clone()

@@ -5,6 +5,7 @@
 use super::cycle::Cycle;
 use super::energy::Energy;
 use super::plane::{Plane, dot, sum_rows};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 
@@ -27,8 +28,13 @@ const MOST_STEPS: usize = 3000;
 /// `known` has at least one true cell, the known values are finite, the shapes agree.
 ///
 /// # Errors
-/// When the residual does not fall to the tolerance.
-pub(in crate::interpolation) fn solve(energy: Energy, known: &Mask, values: &Grid<f64>) -> Result<Grid<f64>> {
+/// When the residual does not fall to the tolerance, or it is stopped.
+pub(in crate::interpolation) fn solve(
+    energy: Energy,
+    known: &Mask,
+    values: &Grid<f64>,
+    stop: &Stop,
+) -> Result<Grid<f64>> {
     let (rows, cols) = known.shape();
     let (known, values) = (known.as_slice(), values.as_slice());
     let on_lines = || values.iter().zip(known).filter(|(_, k)| **k).map(|(v, _)| *v);
@@ -43,7 +49,7 @@ pub(in crate::interpolation) fn solve(energy: Energy, known: &Mask, values: &Gri
     let unknown = known.iter().filter(|k| !**k).count();
     let rounding = ROUNDINGS * f64::EPSILON * energy.row_sum() * (high - middle);
     let mut gradients = Gradients::new(energy, free);
-    gradients.descend(&mut x, rounding * rounding * unknown as f64)?;
+    gradients.descend(&mut x, rounding * rounding * unknown as f64, stop)?;
     let surface =
         (0..rows * cols).map(|i| if known[i] { values[i] } else { x.row(i / cols)[i % cols] + middle });
     Grid::from_vec(rows, cols, surface.collect())
@@ -77,20 +83,21 @@ impl Gradients {
     }
 
     /// Moves the free cells of `x` to the surface. `rounding`: the squared residual that rounding alone can make.
-    fn descend(&mut self, x: &mut Plane<f64>, rounding: f64) -> Result<()> {
+    fn descend(&mut self, x: &mut Plane<f64>, rounding: f64, stop: &Stop) -> Result<()> {
         let start = self.measure(x);
         if start <= rounding {
             return Ok(());
         }
         let rows = x.rows();
         let free = Plane::from_fn(rows, x.cols(), |row, col| self.free.row(row)[col] as f32);
-        let mut cycle = Cycle::<f32>::new(self.energy, free);
+        let mut cycle = Cycle::<f32>::new(self.energy, free, stop);
         let done = TOLERANCE * TOLERANCE;
         // Below the rounding nothing is left to descend by: neither the slope nor the curvature means anything.
         let enough = (done * start).max(rounding);
         let by_residual_alone = rounding >= done * start;
         let (mut squared, mut first_slope, mut slope) = (start, None, None);
         for _ in 0..MOST_STEPS {
+            stop.check()?;
             let scale = squared.sqrt();
             if scale == 0.0 {
                 return Ok(());
@@ -101,6 +108,7 @@ impl Gradients {
                 0.0
             });
             let towards = cycle.run();
+            stop.check()?;
             let now = scale * sum_rows(rows, |row| dot(towards.row(row), residual.row(row)));
             let begun = *first_slope.get_or_insert(now);
             if squared <= enough && (by_residual_alone || now <= done * begun) {

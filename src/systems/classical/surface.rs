@@ -4,15 +4,15 @@ use super::super::task::SketchToTerrain;
 use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::Grid;
-use crate::interpolation::{NaturalNeighbours, biharmonic, delaunay_linear, harmonic};
+use crate::interpolation::{NaturalNeighbours, biharmonic_until, delaunay_linear, harmonic_until};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 
-/// The membrane through the lines: Laplace's equation ([`harmonic`]).
+/// The membrane through the lines: Laplace's equation ([`harmonic`](crate::interpolation::harmonic)).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Laplace;
 
-/// The thin plate through the lines: the biharmonic equation ([`biharmonic`]).
+/// The thin plate through the lines: the biharmonic equation ([`biharmonic`](crate::interpolation::biharmonic)).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Biharmonic;
 
@@ -25,30 +25,31 @@ pub struct DelaunayLinear;
 pub struct NaturalNeighbour;
 
 impl SketchToTerrain for Laplace {
-    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         require_lines(lines)?;
-        Ok(harmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?.map(|&z| z as f32))
+        Ok(harmonic_until(&lines.mask(), &lines.heights().map(|&z| f64::from(z)), stop)?.map(|&z| z as f32))
     }
 }
 
 impl SketchToTerrain for Biharmonic {
-    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         require_lines(lines)?;
-        Ok(biharmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?.map(|&z| z as f32))
+        Ok(biharmonic_until(&lines.mask(), &lines.heights().map(|&z| f64::from(z)), stop)?.map(|&z| z as f32))
     }
 }
 
 impl SketchToTerrain for DelaunayLinear {
-    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        stop.check()?;
         delaunay_linear(lines)
     }
 }
 
 impl SketchToTerrain for NaturalNeighbour {
-    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         let heights = lines.heights().cells().filter(|(cell, _)| lines.kinds()[*cell].is_some());
         let heights: Vec<f64> = heights.map(|(_, &z)| f64::from(z)).collect();
-        Ok(NaturalNeighbours::new(&lines.mask())?.interpolate(&heights).map(|&z| z as f32))
+        Ok(NaturalNeighbours::new(&lines.mask())?.interpolate_until(&heights, stop)?.map(|&z| z as f32))
     }
 }
 

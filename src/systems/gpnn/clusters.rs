@@ -3,6 +3,7 @@
 
 use super::patches::as_keys;
 use super::search::{Packed, Table, least};
+use crate::control::Stop;
 use pulp::Arch;
 use rayon::prelude::*;
 
@@ -33,10 +34,10 @@ struct Cluster {
 
 impl Clusters {
     /// Sorts rows that end in their squared norm and 1. The distance to each counts by its weight.
-    pub(super) fn new(rows: &Table, weights: &[f32]) -> Self {
-        let centres = centres(rows, rows.rows().div_ceil(KEYS));
+    pub(super) fn new(rows: &Table, weights: &[f32], stop: &Stop) -> Self {
+        let centres = centres(rows, rows.rows().div_ceil(KEYS), stop);
         let mut members: Vec<Vec<u32>> = vec![Vec::new(); centres.rows()];
-        for (row, centre) in (0u32..).zip(nearest(rows, &centres)) {
+        for (row, centre) in (0u32..).zip(nearest(rows, &centres, stop)) {
             members[centre].push(row);
         }
         let filled: Vec<u32> =
@@ -57,7 +58,7 @@ impl Clusters {
     }
 
     /// For every query the key with the least weighted distance in the clusters that are nearest to it, and that distance.
-    pub(super) fn least(&self, queries: &Table) -> Vec<(f32, u32)> {
+    pub(super) fn least(&self, queries: &Table, stop: &Stop) -> Vec<(f32, u32)> {
         assert_eq!(queries.depth, self.depth, "queries and keys of one length");
         let probes: Vec<Vec<u32>> =
             queries.values.par_chunks(CHUNK * self.depth).map(|rows| self.probes(rows)).collect();
@@ -70,7 +71,7 @@ impl Clusters {
             .par_iter()
             .zip(&self.clusters)
             .map(|(asked, cluster)| {
-                let found = cluster.keys.least(&queries.pick(asked).values);
+                let found = cluster.keys.least(&queries.pick(asked).values, stop);
                 found.into_iter().map(|(cost, key)| (cost, cluster.numbers[key as usize])).collect()
             })
             .collect();
@@ -115,13 +116,13 @@ impl Clusters {
 }
 
 /// The centre of each row, by number.
-fn nearest(rows: &Table, centres: &Table) -> Vec<usize> {
-    let found = least(rows, &as_keys(centres, &vec![1.0; centres.rows()]));
+fn nearest(rows: &Table, centres: &Table, stop: &Stop) -> Vec<usize> {
+    let found = least(rows, &as_keys(centres, &vec![1.0; centres.rows()]), stop);
     found.into_iter().map(|(_, centre)| centre as usize).collect()
 }
 
 /// Some `count` centres of rows, by k-means on some of them, as rows of the same kind.
-fn centres(rows: &Table, count: usize) -> Table {
+fn centres(rows: &Table, count: usize, stop: &Stop) -> Table {
     let depth = rows.depth;
     let evenly = |table: &Table, count: usize| {
         let numbers: Vec<u32> = (0..count).map(|i| (i * table.rows() / count) as u32).collect();
@@ -131,7 +132,7 @@ fn centres(rows: &Table, count: usize) -> Table {
     let mut centres = evenly(&sample, count);
     for _ in 0..ROUNDS {
         let mut sums = vec![0.0f32; centres.values.len()];
-        for (row, centre) in sample.values.chunks(depth).zip(nearest(&sample, &centres)) {
+        for (row, centre) in sample.values.chunks(depth).zip(nearest(&sample, &centres, stop)) {
             // The last number of a row is 1: its sum counts the rows.
             sums[centre * depth..][..depth].iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
         }

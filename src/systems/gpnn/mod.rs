@@ -260,6 +260,7 @@ impl DetailModel for PatchDetail {
 
 impl Part for PatchDetail {
     const NAME: &'static str = "patches";
+    const TAKES_BUDGET: bool = false;
     type Config = PatchConfig;
     type Description = PatchInfo;
 

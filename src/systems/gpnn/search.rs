@@ -5,6 +5,7 @@
 //! runs, and a panel of keys stays in the cache while the queries of a task pass by. Nothing but the best of every register
 //! lane is kept, so that memory does not grow with the number of pairs.
 
+use crate::control::Stop;
 use pulp::bytemuck::{cast_slice, cast_slice_mut};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -40,12 +41,12 @@ impl Table {
     }
 }
 
-/// For every query the key with the least product, and that product; the first of equal ones.
-pub(super) fn least(queries: &Table, keys: &Table) -> Vec<(f32, u32)> {
+/// For every query the key with the least product, and that product; the first of equal ones. Anything once it is stopped.
+pub(super) fn least(queries: &Table, keys: &Table, stop: &Stop) -> Vec<(f32, u32)> {
     assert_eq!(queries.depth, keys.depth, "queries and keys of one length");
     let packed = Packed::new(keys);
     let chunks: Vec<Vec<(f32, u32)>> =
-        queries.values.par_chunks(CHUNK * queries.depth).map(|rows| packed.least(rows)).collect();
+        queries.values.par_chunks(CHUNK * queries.depth).map(|rows| packed.least(rows, stop)).collect();
     chunks.concat()
 }
 
@@ -75,9 +76,12 @@ impl Packed {
     }
 
     /// [`least`] of a few queries, (queries, depth), on one thread.
-    pub(super) fn least(&self, queries: &[f32]) -> Vec<(f32, u32)> {
+    pub(super) fn least(&self, queries: &[f32], stop: &Stop) -> Vec<(f32, u32)> {
         assert!(queries.len().is_multiple_of(self.depth), "queries and keys of one length");
         let (depth, count) = (self.depth, queries.len() / self.depth);
+        if stop.is_raised() {
+            return vec![(f32::INFINITY, 0); count];
+        }
         if count == 0 {
             return Vec::new();
         }

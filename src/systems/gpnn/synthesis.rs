@@ -209,13 +209,14 @@ pub(super) fn voted(
     let few: Vec<(usize, usize)> =
         (0..rows).step_by(step).flat_map(|row| (0..cols).step_by(step).map(move |col| (row, col))).collect();
     let few = map.table(waves, units, &few).0;
-    let nearest = least(&keys, &as_keys(&few, &vec![1.0; few.rows()]));
+    let nearest = least(&keys, &as_keys(&few, &vec![1.0; few.rows()]), stop);
     let distances: Vec<f32> = nearest.iter().map(|(distance, _)| distance.max(0.0)).collect();
     let mut sorted = distances.clone();
     sorted.sort_by(f32::total_cmp);
     let median = sorted[sorted.len() / 2].max(1e-6);
     let weights: Vec<f32> = distances.iter().map(|d| median / (FREEDOM * median + d)).collect();
-    let clusters = Clusters::new(&keys, &weights);
+    stop.check()?;
+    let clusters = Clusters::new(&keys, &weights, stop);
 
     let mut votes = Votes::new(map.ground.shape());
     for band in (0..rows).step_by((BAND / cols).max(1)) {
@@ -224,7 +225,7 @@ pub(super) fn voted(
         let asked: Vec<(usize, usize)> =
             (band..end).flat_map(|row| (0..cols).map(move |col| (row, col))).collect();
         let (queries, own) = map.table(waves, units, &asked);
-        for ((place, own), (_, key)) in asked.iter().zip(own).zip(clusters.least(&queries)) {
+        for ((place, own), (_, key)) in asked.iter().zip(own).zip(clusters.least(&queries, stop)) {
             let key = key as usize;
             let stretch = (own / contrasts[key]).clamp(MOST_STRETCH.recip(), MOST_STRETCH);
             let (turn, row, col) = places[key];

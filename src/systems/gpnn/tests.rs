@@ -64,7 +64,7 @@ fn the_search_is_exact() {
     };
     for (queries, keys, depth) in [(1, 1, 3), (130, 77, 5), (19, 1200, 45)] {
         let (queries, keys) = (table(queries, depth), table(keys, depth));
-        for (q, (cost, key)) in queries.values.chunks(depth).zip(least(&queries, &keys)) {
+        for (q, (cost, key)) in queries.values.chunks(depth).zip(least(&queries, &keys, &Stop::new())) {
             let product = |k: &[f32]| q.iter().zip(k).map(|(a, b)| a * b).sum::<f32>();
             let all: Vec<f32> = keys.values.chunks(depth).map(product).collect();
             assert!((all[key as usize] - cost).abs() < 1e-4);
@@ -72,7 +72,7 @@ fn the_search_is_exact() {
         }
     }
     let same = Table { depth: 2, values: [1.0, 2.0].repeat(70) };
-    assert!(least(&same, &same).iter().all(|(_, key)| *key == 0), "the first of equal keys");
+    assert!(least(&same, &same, &Stop::new()).iter().all(|(_, key)| *key == 0), "the first of equal keys");
 }
 
 /// Rows of a search: random numbers that end in their squared norm and 1.
@@ -91,8 +91,8 @@ fn clusters_find_what_all_keys_have() {
     for (count, depth) in [(1, 4), (200, 4), (3000, 6)] {
         let (keys, queries) = (rows(count, depth, Seed(1)), rows(500, depth, Seed(2)));
         let weights: Vec<f32> = (0..count).map(|i| 1.0 + (i % 3) as f32 * 0.2).collect();
-        let exact = least(&queries, &as_keys(&keys, &weights));
-        let found = Clusters::new(&keys, &weights).least(&queries);
+        let exact = least(&queries, &as_keys(&keys, &weights), &Stop::new());
+        let found = Clusters::new(&keys, &weights, &Stop::new()).least(&queries, &Stop::new());
         let same = exact.iter().zip(&found).filter(|(exact, found)| exact.1 == found.1).count();
         // A query near the border of its clusters may miss; what it gets is a key's true distance all the same.
         assert!(same as f64 >= if count < 1000 { 500.0 } else { 450.0 }, "{count} keys: {same} of 500");
@@ -151,7 +151,7 @@ fn rows_have_the_distances_of_their_patches() {
     let units = Units { slope: 0.5, residual: 1.0, contrast: 1e6 };
     let places = [(0, 0), (5, 9), (13, 15)];
     let (table, contrasts) = layers.table(&waves, units, &places);
-    let found = least(&table, &as_keys(&table, &[1.0; 3]));
+    let found = least(&table, &as_keys(&table, &[1.0; 3]), &Stop::new());
     assert!(found.iter().enumerate().all(|(i, (_, key))| *key == i as u32), "each is its own nearest");
     let patch = |(row, col): (usize, usize)| {
         let cells = (0..SIDE * SIDE).map(|i| smooth[Cell::new(row + i / SIDE, col + i % SIDE)]);

@@ -13,9 +13,10 @@
 //! set for all sketches; for very thin ones the blend fades (`FADE`). Lines keep their heights, because every surface passes
 //! through them.
 
+use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::{Cell, distance};
-use crate::interpolation::{biharmonic, delaunay_linear, harmonic};
+use crate::interpolation::{biharmonic_until, delaunay_linear, harmonic_until};
 use crate::sketch::LineMap;
 use serde::{Deserialize, Serialize};
 
@@ -76,8 +77,8 @@ impl Blend {
     /// The blend for `lines`; none when it is not to be taken. `base`: heights, one a pixel.
     ///
     /// # Errors
-    /// When a surface cannot be found.
-    pub(super) fn new(wanted: BlendUse, lines: &LineMap, base: &[f32]) -> Result<Option<Self>> {
+    /// When a surface cannot be found, or it is stopped.
+    pub(super) fn new(wanted: BlendUse, lines: &LineMap, base: &[f32], stop: &Stop) -> Result<Option<Self>> {
         if wanted == BlendUse::Never {
             return Ok(None);
         }
@@ -90,7 +91,8 @@ impl Blend {
             return Ok(None);
         }
         let heights = lines.heights().map(|&z| f64::from(z));
-        let (membrane, plate) = (harmonic(&mask, &heights)?, biharmonic(&mask, &heights)?);
+        let membrane = harmonic_until(&mask, &heights, stop)?;
+        let plate = biharmonic_until(&mask, &heights, stop)?;
         let planes = delaunay_linear(lines)?;
         let (rows, cols) = lines.shape();
         let mut blend = Self {
@@ -189,7 +191,8 @@ mod tests {
     #[test]
     fn lines_keep_their_heights_and_a_model_counts_by_its_share() {
         let lines = columns(5);
-        let blend = Blend::new(BlendUse::Always, &lines, lines.heights().as_slice()).unwrap().unwrap();
+        let blend =
+            Blend::new(BlendUse::Always, &lines, lines.heights().as_slice(), &Stop::new()).unwrap().unwrap();
         assert!(blend.inside.iter().zip(lines.kinds().as_slice()).all(|(w, k)| k.is_none() || *w == 0.0));
         // The model moves free cells by 1. Two cells from the lines; the mean distance is about 6 / 5 of a cell.
         let raised = |by: f32| -> Vec<f32> {
@@ -212,7 +215,8 @@ mod tests {
     #[test]
     fn a_model_that_moves_too_far_is_taken_back() {
         let lines = columns(5);
-        let blend = Blend::new(BlendUse::Always, &lines, lines.heights().as_slice()).unwrap().unwrap();
+        let blend =
+            Blend::new(BlendUse::Always, &lines, lines.heights().as_slice(), &Stop::new()).unwrap().unwrap();
         let caution =
             |factor: f32| blend.caution(&blend.membrane.iter().map(|z| factor * z).collect::<Vec<f32>>());
         assert!((caution(2.0) - 1.0).abs() < 1e-5 && (caution(4.0) - 0.5f32.sqrt()).abs() < 1e-5);
@@ -223,7 +227,7 @@ mod tests {
     fn thin_sketches_are_left_alone_when_only_dense_ones_count() {
         let given = |apart: usize, wanted| {
             let lines = columns(apart);
-            Blend::new(wanted, &lines, lines.heights().as_slice()).unwrap().is_some()
+            Blend::new(wanted, &lines, lines.heights().as_slice(), &Stop::new()).unwrap().is_some()
         };
         assert!(given(5, BlendUse::Dense) && given(16, BlendUse::Always));
         assert!(

@@ -1,10 +1,11 @@
 //! The natural-neighbour correction inside training: heights that meet the sketch, with a gradient.
 //!
 //! y + N (z - y on the lines), N the Sibson weights of every pixel over the line cells
-//! ([`interpolation::natural_neighbour_weights`]). Linear in y, so its gradient is one product with the transpose.
+//! ([`NaturalNeighbours`]). Linear in y, so its gradient is one product with the transpose.
 
+use crate::control::Stop;
 use crate::error::Result;
-use crate::interpolation::{self, SparseMatrix};
+use crate::interpolation::{NaturalNeighbours, SparseMatrix};
 use crate::learn::contiguous_f32;
 use crate::sketch::LineMap;
 use candle_core::{CpuStorage, CustomOp1, Layout, Shape, Tensor};
@@ -26,8 +27,11 @@ struct Parts {
 
 impl LineCorrection {
     /// Weights for the cells of `lines`.
-    pub(super) fn new(lines: &LineMap) -> Result<Self> {
-        let weights = interpolation::natural_neighbour_weights(&lines.mask())?;
+    ///
+    /// # Errors
+    /// When there is no line, or it is stopped.
+    pub(super) fn new(lines: &LineMap, stop: &Stop) -> Result<Self> {
+        let weights = NaturalNeighbours::new(&lines.mask())?.weights_until(stop)?;
         let transposed = weights.transpose();
         let kinds = lines.kinds().as_slice();
         let cells: Vec<u32> = (0..kinds.len()).filter(|&i| kinds[i].is_some()).map(|i| i as u32).collect();

@@ -113,6 +113,9 @@ impl PassEdges {
         let (region_offsets, region_pixels) = sorted_by(&drawn, regions, |e| e.1, |e| e.0);
         let mut values = vec![0.0f32; pixels * graph.k() + random];
         values.par_chunks_mut(NOISE_CHUNK).enumerate().for_each(|(chunk, values)| {
+            if graph.stop().is_raised() {
+                return;
+            }
             let mut stream = seed.derive_indexed("edge noise", chunk).stream("values");
             for value in values {
                 *value = stream.sample::<f32, _>(StandardNormal) * noise as f32;
@@ -165,7 +168,11 @@ impl PassEdges {
             rest = (rest_of_regions, rest_of_columns);
             rooms.push(Room { block, regions, ends, columns });
         }
-        rooms.into_par_iter().with_min_len(64).for_each(|room| self.fill(room, &random, noise));
+        rooms.into_par_iter().with_min_len(64).for_each(|room| {
+            if !self.graph.stop().is_raised() {
+                self.fill(room, &random, noise);
+            }
+        });
         self.lists = lists;
         self.random_offsets = random.offsets;
     }

@@ -115,17 +115,19 @@ impl RegionGnn {
     /// Terrain for the exemplar's own lines with its own embeddings: how well the model fits.
     ///
     /// # Errors
-    /// When there is no line.
+    /// When there is no line, or it is stopped.
     pub fn reconstruct(
         &self,
         lines: &LineMap,
         correction: Option<CorrectionKind>,
         seed: Seed,
+        stop: &Stop,
     ) -> Result<Grid<f32>> {
-        let frame = LineFrame::new(lines, self.config(), false)?;
-        let sketch = Prepared::new(lines, &frame, self.config(), seed.derive_indexed("exemplar parts", 0))?;
+        let frame = LineFrame::new(lines, self.config(), false, stop)?;
+        let parts = seed.derive_indexed("exemplar parts", 0);
+        let sketch = Prepared::new(lines, &frame, self.config(), parts, stop)?;
         let heights = self.run(&sketch, None, seed)?;
-        finish(lines, heights, correction)
+        finish(lines, heights, correction, stop)
     }
 
     /// Terrain for any lines; heights in and out in the unit interval (an anchored model takes any unit).
@@ -133,15 +135,21 @@ impl RegionGnn {
     /// The mean over [`RegionGnnConfig::splits`] part splits of the same lines, then the correction.
     ///
     /// # Errors
-    /// When there is no line.
-    pub fn generate(&self, lines: &LineMap, config: &GenerationConfig, seed: Seed) -> Result<Grid<f32>> {
+    /// When there is no line, or it is stopped.
+    pub fn generate(
+        &self,
+        lines: &LineMap,
+        config: &GenerationConfig,
+        seed: Seed,
+        stop: &Stop,
+    ) -> Result<Grid<f32>> {
         let splits = self.config().splits;
         let (rows, cols) = lines.shape();
-        let frame = LineFrame::new(lines, self.config(), false)?;
+        let frame = LineFrame::new(lines, self.config(), false, stop)?;
         let mut sum = vec![0.0f32; rows * cols];
         for split in 0..splits {
             let seed = seed.derive_indexed("split", split);
-            let sketch = Prepared::new(lines, &frame, self.config(), seed)?;
+            let sketch = Prepared::new(lines, &frame, self.config(), seed, stop)?;
             let embedding = self.embedding_for(&sketch, config, seed)?;
             let heights = self.run(&sketch, embedding.as_ref(), seed)?;
             sum.iter_mut().zip(&heights).for_each(|(sum, z)| *sum += z / splits as f32);
@@ -151,10 +159,10 @@ impl RegionGnn {
             (Some(correction), Some(CorrectionKind::NaturalNeighbour)) => {
                 Grid::from_vec(rows, cols, correction.correct(&sum))?
             }
-            (_, correction) => finish(lines, sum, correction)?,
+            (_, correction) => finish(lines, sum, correction, stop)?,
         };
         let Some(base) = frame.base() else { return Ok(corrected) };
-        let blend = Blend::new(config.blend, lines, base)?;
+        let blend = Blend::new(config.blend, lines, base, stop)?;
         let blended = match &blend {
             Some(blend) => Grid::from_vec(rows, cols, blend.apply(base, corrected.as_slice()))?,
             None => corrected,
@@ -164,7 +172,7 @@ impl RegionGnn {
         if config.folds == 0 || doubt == 0.0 {
             return Ok(blended);
         }
-        let trust = 1.0 - doubt * (1.0 - self.trust(lines, config, seed)?);
+        let trust = 1.0 - doubt * (1.0 - self.trust(lines, config, seed, stop)?);
         Ok(Grid::from_fn(rows, cols, |c| {
             let base = base[c.row * cols + c.col];
             base + trust * (blended[c] - base)
@@ -172,31 +180,30 @@ impl RegionGnn {
     }
 
     /// The share of the deviation from the base that the sketch's own lines confirm; see [`super::trust`].
-    fn trust(&self, lines: &LineMap, config: &GenerationConfig, seed: Seed) -> Result<f32> {
+    fn trust(&self, lines: &LineMap, config: &GenerationConfig, seed: Seed, stop: &Stop) -> Result<f32> {
         let seed = seed.derive("held-out strokes");
         let kept = without_each_fold(lines, config.folds, seed);
-        let rebuilt = kept
-            .par_iter()
-            .enumerate()
-            .map(|(fold, kept)| {
-                let seed = seed.derive_indexed("fold", fold);
-                let frame = LineFrame::new(&kept.lines, self.config(), false)?;
-                let sketch = Prepared::new(&kept.lines, &frame, self.config(), seed)?;
-                let embedding = self.embedding_for(&sketch, config, seed)?;
-                let heights = self.run(&sketch, embedding.as_ref(), seed)?;
-                let corrected = match &frame.correction {
-                    Some(correction) => correction.correct(&heights),
-                    None => finish(&kept.lines, heights, config.correction)?.into_vec(),
-                };
-                let blended = match frame.base() {
-                    Some(base) => {
-                        Blend::new(config.blend, &kept.lines, base)?.map(|b| b.apply(base, &corrected))
-                    }
-                    None => None,
-                };
-                Ok((frame, blended.unwrap_or(corrected)))
-            })
-            .collect::<Result<Vec<_>>>()?;
+        let rebuilt =
+            kept.par_iter()
+                .enumerate()
+                .map(|(fold, kept)| {
+                    let seed = seed.derive_indexed("fold", fold);
+                    let frame = LineFrame::new(&kept.lines, self.config(), false, stop)?;
+                    let sketch = Prepared::new(&kept.lines, &frame, self.config(), seed, stop)?;
+                    let embedding = self.embedding_for(&sketch, config, seed)?;
+                    let heights = self.run(&sketch, embedding.as_ref(), seed)?;
+                    let corrected = match &frame.correction {
+                        Some(correction) => correction.correct(&heights),
+                        None => finish(&kept.lines, heights, config.correction, stop)?.into_vec(),
+                    };
+                    let blended = match frame.base() {
+                        Some(base) => Blend::new(config.blend, &kept.lines, base, stop)?
+                            .map(|b| b.apply(base, &corrected)),
+                        None => None,
+                    };
+                    Ok((frame, blended.unwrap_or(corrected)))
+                })
+                .collect::<Result<Vec<_>>>()?;
         let mut evidence = Evidence::default();
         for (kept, (frame, corrected)) in kept.iter().zip(&rebuilt) {
             if let Some(base) = frame.base() {
@@ -217,8 +224,9 @@ impl RegionGnn {
         config: &GenerationConfig,
         seed: Seed,
     ) -> Result<Vec<(StrokeKind, Vec<f32>)>> {
-        let frame = LineFrame::new(lines, self.config(), false)?;
-        let sketch = Prepared::new(lines, &frame, self.config(), seed)?;
+        let stop = &Stop::new();
+        let frame = LineFrame::new(lines, self.config(), false, stop)?;
+        let sketch = Prepared::new(lines, &frame, self.config(), seed, stop)?;
         let embedding = self.embedding_for(&sketch, config, seed)?;
         let edges = sketch.draw(self.config(), 0.0, seed, &Spare::default());
         let states = self.network.region_states(&edges, embedding.as_ref(), seed)?;
@@ -236,12 +244,13 @@ impl RegionGnn {
         config: &GenerationConfig,
         seed: Seed,
     ) -> Result<Grid<f32>> {
+        let stop = &Stop::new();
         parts.iter().try_for_each(SketchPart::validate)?;
-        let frame = LineFrame::new(lines, self.config(), false)?;
+        let frame = LineFrame::new(lines, self.config(), false, stop)?;
         let graph = Arc::new(RegionGraph::new(lines, &parts, frame.base(), self.config())?);
         let sketch = Prepared { graph, parts };
         let embedding = self.embedding_for(&sketch, config, seed)?;
-        finish(lines, self.run(&sketch, embedding.as_ref(), seed)?, config.correction)
+        finish(lines, self.run(&sketch, embedding.as_ref(), seed)?, config.correction, stop)
     }
 
     fn run(&self, sketch: &Prepared, embedding: Option<&Tensor>, seed: Seed) -> Result<Vec<f32>> {
@@ -306,11 +315,16 @@ impl RegionGnn {
 }
 
 /// Values of a map, corrected to meet the lines.
-fn finish(lines: &LineMap, heights: Vec<f32>, correction: Option<CorrectionKind>) -> Result<Grid<f32>> {
+fn finish(
+    lines: &LineMap,
+    heights: Vec<f32>,
+    correction: Option<CorrectionKind>,
+    stop: &Stop,
+) -> Result<Grid<f32>> {
     let (rows, cols) = lines.shape();
     let coarse = Grid::from_vec(rows, cols, heights)?;
     match correction {
-        Some(kind) => Correction::new(kind, lines)?.apply(&coarse),
+        Some(kind) => Correction::new(kind, lines)?.apply_until(&coarse, stop),
         None => Ok(coarse),
     }
 }
@@ -325,8 +339,8 @@ pub struct RegionGnnSystem {
 }
 
 impl SketchToTerrain for RegionGnnSystem {
-    fn generate(&self, lines: &LineMap, seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
-        self.model.generate(lines, &self.generation, seed)
+    fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        self.model.generate(lines, &self.generation, seed, stop)
     }
 }
 

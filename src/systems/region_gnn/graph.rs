@@ -4,6 +4,7 @@ use super::config::{HeightFrame, RegionGnnConfig};
 use super::edge_features::{EdgeFeatures, Stored, Surroundings};
 use super::nearest::nearest_regions;
 use super::region::{Projection, Region};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::sketch::{LineMap, SketchPart, StrokeKind};
@@ -43,6 +44,8 @@ pub struct RegionGraph {
     /// Their heights.
     line_heights: Vec<f32>,
     anchor: Option<Anchor>,
+    /// Ends the passes over it.
+    stop: Stop,
 }
 
 /// What makes the anchored model independent of offset and scale.
@@ -69,6 +72,23 @@ impl RegionGraph {
         base: Option<&[f32]>,
         config: &RegionGnnConfig,
     ) -> Result<Self> {
+        Self::until(lines, parts, base, config, &Stop::new())
+    }
+
+    /// As [`new`](Self::new), unless it is stopped; passes over the graph then end as well, with anything for a result.
+    ///
+    /// # Errors
+    /// As there, and when it is stopped.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn until(
+        lines: &LineMap,
+        parts: &[SketchPart],
+        base: Option<&[f32]>,
+        config: &RegionGnnConfig,
+        stop: &Stop,
+    ) -> Result<Self> {
         if parts.is_empty() {
             return Err(Error::value(
                 "number of sketch parts",
@@ -79,7 +99,8 @@ impl RegionGraph {
         let (rows, cols) = lines.shape();
         let regions: Vec<Region> = parts.iter().map(Region::new).collect();
         let k = config.neighbours.min(regions.len());
-        let ties = nearest_regions(&regions, rows, cols, k);
+        let ties = nearest_regions(&regions, rows, cols, k, stop);
+        stop.check()?;
         let nearest: Vec<u32> = ties.iter().map(|(region, _)| *region).collect();
         let projections = ties.iter().map(|(_, p)| p.index as u8).collect();
         let pixel_of = |(region, p): &(u32, Projection)| {
@@ -121,6 +142,7 @@ impl RegionGraph {
             line_cells,
             line_heights,
             anchor: None,
+            stop: stop.clone(),
         };
         if config.frame == HeightFrame::Anchored {
             let base = base.expect("an anchored model has a base");
@@ -128,6 +150,7 @@ impl RegionGraph {
             graph.anchor = Some(Anchor { base: base.to_vec(), scale: graph.relief() });
         }
         graph.stored = graph.store_fixed();
+        stop.check()?;
         Ok(graph)
     }
 
@@ -148,6 +171,9 @@ impl RegionGraph {
         let n = self.features.stored_count();
         let mut stored = vec![0.0; self.nearest.len() * n];
         stored.par_chunks_mut(n).enumerate().for_each(|(edge, out)| {
+            if self.stop.is_raised() {
+                return;
+            }
             let (index, distance) = (usize::from(self.projections[edge]), self.distances[edge]);
             let projection = Projection { index, distance };
             let values = self.store(edge / self.k, self.nearest[edge] as usize, projection);
@@ -175,6 +201,12 @@ impl RegionGraph {
             None => Surroundings::default(),
         };
         self.features.store(region, self.cell(pixel), projection, &surroundings)
+    }
+
+    /// What ends the passes over it.
+    #[must_use]
+    pub fn stop(&self) -> &Stop {
+        &self.stop
     }
 
     /// (rows, columns) of the map.

@@ -7,6 +7,7 @@
 //! they are many, far from dense lines, each pixel asks the tree itself. Parallel over rows of tiles.
 
 use super::region::{Projection, Region};
+use crate::control::Stop;
 use crate::grid::Cell;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
@@ -32,10 +33,17 @@ struct PartCells {
 type Tie = (u32, Projection);
 
 /// The `k` nearest regions of each pixel of a `rows` x `cols` map, nearest first, with the projections on them: (pixels, k).
+/// Anything once it is stopped.
 ///
 /// # Panics
 /// When there are fewer than `k` regions.
-pub(super) fn nearest_regions(regions: &[Region], rows: usize, cols: usize, k: usize) -> Vec<Tie> {
+pub(super) fn nearest_regions(
+    regions: &[Region],
+    rows: usize,
+    cols: usize,
+    k: usize,
+    stop: &Stop,
+) -> Vec<Tie> {
     assert!(k > 0 && k <= regions.len(), "k from 1 to the number of regions");
     let cells = PartCells::of(regions);
     let mut out = vec![(0, Projection { index: 0, distance: 0.0 }); rows * cols * k];
@@ -43,6 +51,9 @@ pub(super) fn nearest_regions(regions: &[Region], rows: usize, cols: usize, k: u
         let mut scratch = Scratch::default();
         let height = out.len() / (cols * k);
         for left in (0..cols).step_by(TILE) {
+            if stop.is_raised() {
+                return;
+            }
             let tile = Tile { row: band * TILE, col: left, height, width: TILE.min(cols - left) };
             let candidates = cells.around(&tile, k);
             for row in 0..height {
@@ -233,7 +244,7 @@ mod tests {
             let regions: Vec<Region> =
                 starts.iter().map(|&(row, slot)| run(row, slot * 4, 3 + slot % 2)).collect();
             let k = k.min(regions.len());
-            let found = nearest_regions(&regions, rows, cols, k);
+            let found = nearest_regions(&regions, rows, cols, k, &Stop::new());
             for pixel in 0..rows * cols {
                 let expected = brute_force(&regions, Cell::new(pixel / cols, pixel % cols), k);
                 prop_assert_eq!(&found[pixel * k..pixel * k + k], &expected[..]);
@@ -250,7 +261,7 @@ mod tests {
         let cells = PartCells::of(&regions);
         let tile = |col| Tile { row: 96, col, height: 8, width: 8 };
         assert!(cells.around(&tile(984), k).is_none() && cells.around(&tile(16), k).is_some(), "both ways");
-        let found = nearest_regions(&regions, rows, cols, k);
+        let found = nearest_regions(&regions, rows, cols, k, &Stop::new());
         for pixel in (0..rows * cols).step_by(499) {
             let expected = brute_force(&regions, Cell::new(pixel / cols, pixel % cols), k);
             assert_eq!(&found[pixel * k..pixel * k + k], &expected[..], "{pixel}");

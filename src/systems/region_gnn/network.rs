@@ -87,7 +87,7 @@ impl Network {
     /// One pass. `embedding`: (regions, embedding) in place of the exemplar's own, for other sketches.
     ///
     /// # Errors
-    /// When a tensor operation fails.
+    /// When a tensor operation fails, or the graph's [`stop`](RegionGraph::stop) is raised.
     ///
     /// # Panics
     /// When the model has embeddings, none are given, and the number of regions is not that of the exemplar.
@@ -107,6 +107,7 @@ impl Network {
                 fused(&self.pass, edges, &params, &embedding, first_regions, &self.buffers)?
             }
         }; // (pixels + 1)
+        graph.stop().check()?;
         let (height, far_height) = (all.narrow(0, 0, pixels)?, all.narrow(0, pixels, 1)?);
         let heights = match (self.config.frame, graph.anchor_frame()) {
             (HeightFrame::Anchored, Some(anchor)) => {

@@ -5,6 +5,7 @@ use super::correction_op::LineCorrection;
 use super::edges::Spare;
 use super::network::Network;
 use super::train::{LineFrame, Prepared};
+use crate::control::Stop;
 use crate::grid::Cell;
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
@@ -30,8 +31,8 @@ fn config(base: RegionGnnConfig) -> RegionGnnConfig {
 /// Heights and all gradients of a weighted sum of the heights, for one kernel.
 fn run(config: &RegionGnnConfig, kernel: Kernel) -> (Vec<f32>, Vec<(String, Vec<f32>)>) {
     let config = RegionGnnConfig { kernel, ..config.clone() };
-    let frame = LineFrame::new(&lines(), &config, true).unwrap();
-    let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
+    let frame = LineFrame::new(&lines(), &config, true, &Stop::new()).unwrap();
+    let sketch = Prepared::new(&lines(), &frame, &config, Seed(1), &Stop::new()).unwrap();
     let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
     let edges = sketch.draw(&config, config.masked, Seed(3), &Spare::default());
     assert!(edges.masked().iter().any(|m| *m) && edges.masked().iter().any(|m| !*m));
@@ -84,8 +85,8 @@ fn fused_equals_plain_forward_and_backward() {
 #[test]
 fn a_pass_without_edges_has_heights_and_gradients() {
     for config in [RegionGnnConfig::default(), RegionGnnConfig::paper()] {
-        let frame = LineFrame::new(&lines(), &config, false).unwrap();
-        let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
+        let frame = LineFrame::new(&lines(), &config, false, &Stop::new()).unwrap();
+        let sketch = Prepared::new(&lines(), &frame, &config, Seed(1), &Stop::new()).unwrap();
         let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
         let edges = sketch.draw(&config, 1.0, Seed(3), &Spare::default());
         assert!(edges.masked().iter().all(|m| *m));
@@ -108,8 +109,8 @@ fn a_pass_without_edges_has_heights_and_gradients() {
 fn parameter_gradients_equal_finite_differences() {
     // A sanity check beside the exact one above: ReLU kinks inside the step leave several per cent.
     let config = config(RegionGnnConfig { noise: 0.1, ..RegionGnnConfig::default() });
-    let frame = LineFrame::new(&lines(), &config, false).unwrap();
-    let sketch = Prepared::new(&lines(), &frame, &config, Seed(1)).unwrap();
+    let frame = LineFrame::new(&lines(), &config, false, &Stop::new()).unwrap();
+    let sketch = Prepared::new(&lines(), &frame, &config, Seed(1), &Stop::new()).unwrap();
     let network = Network::new(&config, sketch.parts.len(), Seed(2)).unwrap();
     let edges = sketch.draw(&config, config.masked, Seed(3), &Spare::default());
     let value = || {
@@ -159,7 +160,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 #[test]
 fn the_correction_meets_the_lines() {
     let lines = lines();
-    let correction = LineCorrection::new(&lines).unwrap();
+    let correction = LineCorrection::new(&lines, &Stop::new()).unwrap();
     let heights: Vec<f32> = (0..24 * 30).map(|i| (i as f32 * 0.1).sin()).collect();
     let corrected = correction.correct(&heights);
     for (i, z) in lines.heights().as_slice().iter().enumerate().filter(|(i, _)| lines.mask().as_slice()[*i]) {

@@ -137,10 +137,11 @@ impl Part for RegionNetwork {
             valid: exemplar.source.dem.valid().clone(),
             lines: exemplar.variants(config.model.extractions)?,
         };
+        let stop = control.stop.clone();
         let (network, parts, record) = train(&drawn, &config.model, exemplar.seed, control)?;
         let model = RegionGnn::new(network, parts);
         let correction = config.generation.correction.filter(|_| needs_correction(&config.model));
-        let rebuilt = model.reconstruct(&drawn.lines[0], correction, exemplar.seed)?;
+        let rebuilt = model.reconstruct(&drawn.lines[0], correction, exemplar.seed, &stop)?;
         let training = summary(record, &rebuilt, &drawn)?;
         // A budget decides the number of epochs; the configuration then tells how many it was.
         let settings = RegionGnnConfig { epochs: training.epochs, ..config.model.clone() };
@@ -195,23 +196,24 @@ impl Part for RegionNetwork {
 }
 
 impl SketchToTerrain for RegionNetwork {
-    fn generate(&self, lines: &LineMap, seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
-        self.model.generate(lines, &self.config.generation, seed)
+    fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        self.model.generate(lines, &self.config.generation, seed, stop)
     }
 
     /// The model is trusted as it is, without [`GenerationConfig::folds`]: a drawing asks for the style, and its few smooth strokes
     /// would confirm none of it. For the same reason only dense sketches are blended ([`BlendUse::Dense`](super::BlendUse::Dense)).
-    fn draw(&self, lines: &LineMap, seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
-        self.model.generate(lines, &self.config.generation.for_drawings(), seed)
+    fn draw(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        self.model.generate(lines, &self.config.generation.for_drawings(), seed, stop)
     }
 
     /// With the embeddings that the exemplar's parts were given.
-    fn rebuild(&self, lines: &LineMap, seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
+    fn rebuild(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         let config = &self.config;
         self.model.reconstruct(
             lines,
             config.generation.correction.filter(|_| needs_correction(&config.model)),
             seed,
+            stop,
         )
     }
 }
@@ -239,6 +241,12 @@ impl System for RegionNetwork {
 
     fn extractions(config: &RegionNetworkConfig) -> usize {
         config.model.extractions
+    }
+
+    fn untimed(config: &RegionNetworkConfig) -> RegionNetworkConfig {
+        let mut untimed = config.clone();
+        untimed.model.epochs = 1;
+        untimed
     }
 
     /// Half of the epochs.

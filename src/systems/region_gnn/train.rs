@@ -10,11 +10,11 @@ use super::edges::{PassEdges, Spare};
 use super::graph::RegionGraph;
 use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope, smooth};
 use super::network::{Network, Output};
-use crate::control::{Control, Progress as Told, Stage};
+use crate::control::{Control, Progress as Told, Stage, Stop};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::{Grid, Mask};
-use crate::interpolation::harmonic;
+use crate::interpolation::harmonic_until;
 use crate::learn::{Adam, Schedule, in_pool};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
@@ -113,14 +113,22 @@ pub(super) struct LineFrame {
 }
 
 impl LineFrame {
-    pub(super) fn new(lines: &LineMap, config: &RegionGnnConfig, corrected: bool) -> Result<Self> {
+    ///
+    /// # Errors
+    /// When there is no line, or it is stopped.
+    pub(super) fn new(
+        lines: &LineMap,
+        config: &RegionGnnConfig,
+        corrected: bool,
+        stop: &Stop,
+    ) -> Result<Self> {
         let anchored = config.frame == HeightFrame::Anchored;
         let natural = anchored && config.base == Base::NaturalNeighbour;
-        let correction = if corrected || natural { Some(LineCorrection::new(lines)?) } else { None };
+        let correction = if corrected || natural { Some(LineCorrection::new(lines, stop)?) } else { None };
         let base = match &correction {
             Some(correction) if natural => Some(correction.interpolate()),
             _ if anchored => {
-                let base = harmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?;
+                let base = harmonic_until(&lines.mask(), &lines.heights().map(|&z| f64::from(z)), stop)?;
                 Some(base.as_slice().iter().map(|&z| z as f32).collect())
             }
             _ => None,
@@ -147,9 +155,10 @@ impl Prepared {
         frame: &LineFrame,
         config: &RegionGnnConfig,
         seed: Seed,
+        stop: &Stop,
     ) -> Result<Self> {
         let parts = split_parts(lines, config.parts, seed);
-        let graph = Arc::new(RegionGraph::new(lines, &parts, frame.base.as_deref(), config)?);
+        let graph = Arc::new(RegionGraph::until(lines, &parts, frame.base.as_deref(), config, stop)?);
         Ok(Self { graph, parts })
     }
 
@@ -173,7 +182,7 @@ impl Prepared {
 ///
 /// # Errors
 /// When the exemplar is too small, has no lines, the training diverges, or a checkpoint cannot be written or does not belong
-/// to this training. After a divergence the last checkpoint is still there.
+/// to this training, or it is stopped. After a divergence or a stop the last checkpoint is still there.
 pub fn train(
     exemplar: &DrawnExemplar,
     config: &RegionGnnConfig,
@@ -187,7 +196,7 @@ pub fn train(
         return Err(Error::value("exemplar size", format!("{rows}x{cols}"), allowed));
     }
     let started = Instant::now();
-    let samples = prepare(exemplar, config, seed)?;
+    let samples = prepare(exemplar, config, seed, &control.stop)?;
     let Some((first, _)) = samples.first() else {
         return Err(Error::value("number of extractions", 0, "the exemplar needs at least one"));
     };
@@ -217,6 +226,7 @@ pub fn train(
     let mut last = None;
     let mut kept = Instant::now();
     loop {
+        control.stop.check()?;
         let epoch = progress.epoch;
         // Of a budget at least one epoch is done, and none is begun that would not end in time.
         let typical = times.last().copied().unwrap_or(0.0);
@@ -319,6 +329,7 @@ fn prepare(
     exemplar: &DrawnExemplar,
     config: &RegionGnnConfig,
     seed: Seed,
+    stop: &Stop,
 ) -> Result<Vec<(Prepared, Option<LineCorrection>)>> {
     exemplar
         .lines
@@ -327,8 +338,9 @@ fn prepare(
         .enumerate()
         .filter(|(i, lines)| *i == 0 || lines.line_count() > 0)
         .map(|(i, lines)| {
-            let frame = LineFrame::new(lines, config, config.loss_after_correction)?;
-            let sketch = Prepared::new(lines, &frame, config, seed.derive_indexed("exemplar parts", i))?;
+            let frame = LineFrame::new(lines, config, config.loss_after_correction, stop)?;
+            let sketch =
+                Prepared::new(lines, &frame, config, seed.derive_indexed("exemplar parts", i), stop)?;
             Ok((sketch, frame.correction.filter(|_| config.loss_after_correction)))
         })
         .collect()
@@ -481,7 +493,7 @@ mod tests {
     ) -> (LossValues, Vec<f32>, f32) {
         let (rows, cols) = exemplar.heights.shape();
         let target = exemplar.target();
-        let (sample, _) = prepare(exemplar, config, Seed(3)).unwrap().remove(0);
+        let (sample, _) = prepare(exemplar, config, Seed(3), &Stop::new()).unwrap().remove(0);
         let y: Vec<f32> = (0..rows * cols).map(|i| 0.5 + 0.2 * (0.7 * i as f32).sin()).collect();
         let valid = exemplar.valid.as_slice();
         let y: Vec<f32> = y.iter().zip(valid).map(|(y, ok)| if *ok { *y } else { at_voids }).collect();

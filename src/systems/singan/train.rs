@@ -112,6 +112,7 @@ pub fn train(
             if share >= 1.0 && (step > 0 || time.is_none()) {
                 break;
             }
+            control.stop.check()?;
             let done = in_pool(|| room.step(step, share.min(1.0) as f32));
             let losses = [done.critic, done.penalty, done.reconstruction];
             if let Some(&value) = losses.iter().find(|v| !v.is_finite()) {

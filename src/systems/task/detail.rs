@@ -145,9 +145,9 @@ pub trait DetailModel: Send + Sync {
         let correction = lines.map(|l| Correction::new(CorrectionKind::NaturalNeighbour, l)).transpose()?;
         let size = how.size.unwrap_or_else(|| lines.map_or(SIZE_WITHOUT_LINES, gap));
         let Some(found) = self.residual(heights, lines, size, how, seed, stop)? else {
-            return corrected(correction.as_ref(), heights.clone());
+            return corrected(correction.as_ref(), heights.clone(), stop);
         };
-        let (ground, residual) = tied(heights, &found, correction.as_ref(), how.keep)?;
+        let (ground, residual) = tied(heights, &found, correction.as_ref(), how.keep, stop)?;
         let gain = how.strength * if how.calibrated { self.gain() } else { 1.0 };
         let weight = mask.map(ramp);
         let mut out = heights.clone();
@@ -170,7 +170,7 @@ pub trait DetailModel: Send + Sync {
 /// When there is no line, shapes differ or the exemplar is level.
 pub fn gain_of(found: &Residual, twin: &Grid<f32>, lines: &LineMap, truth: &Grid<f32>) -> Result<f32> {
     let correction = Correction::new(CorrectionKind::NaturalNeighbour, lines)?;
-    let (ground, residual) = tied(twin, found, Some(&correction), DetailUse::default().keep)?;
+    let (ground, residual) = tied(twin, found, Some(&correction), DetailUse::default().keep, &Stop::new())?;
     best_gain(&ground, &residual, truth)
 }
 
@@ -180,17 +180,18 @@ fn tied(
     found: &Residual,
     correction: Option<&Correction>,
     keep: f32,
+    stop: &Stop,
 ) -> Result<(Grid<f32>, Grid<f32>)> {
-    let ground = corrected(correction, combined(heights, keep, &found.smooth, 1.0 - keep))?;
+    let ground = corrected(correction, combined(heights, keep, &found.smooth, 1.0 - keep), stop)?;
     // The correction is affine: what it makes of a residual is the difference of two corrected maps.
-    let both = corrected(correction, combined(&ground, 1.0, &found.added, 1.0))?;
+    let both = corrected(correction, combined(&ground, 1.0, &found.added, 1.0), stop)?;
     let residual = combined(&both, 1.0, &ground, -1.0);
     Ok((ground, residual))
 }
 
-fn corrected(correction: Option<&Correction>, map: Grid<f32>) -> Result<Grid<f32>> {
+fn corrected(correction: Option<&Correction>, map: Grid<f32>, stop: &Stop) -> Result<Grid<f32>> {
     match correction {
-        Some(correction) => correction.apply(&map),
+        Some(correction) => correction.apply_until(&map, stop),
         None => Ok(map),
     }
 }

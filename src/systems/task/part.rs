@@ -19,6 +19,8 @@ pub trait Part: Debug + Sized + Send + Sync + 'static {
     const NAME: &'static str;
     /// Whether it needs the exemplar's terrain ([`Exemplar::terrain`]) when it is used: the style then stores it, once for all.
     const NEEDS_TERRAIN: bool = false;
+    /// Whether learning takes the time that a budget gives it; otherwise it is over when it is over.
+    const TAKES_BUDGET: bool = true;
     /// What can be set.
     type Config: Settings;
     /// What a style file says of it beside its arrays.
@@ -88,6 +90,12 @@ pub trait System: Part + SketchToTerrain {
     #[must_use]
     fn extractions(_config: &Self::Config) -> usize {
         1
+    }
+
+    /// The settings without their numbers of steps, by which trainings within a budget are told apart.
+    #[must_use]
+    fn untimed(config: &Self::Config) -> Self::Config {
+        config.clone()
     }
 
     /// The settings for half of the exemplar, on which less is to be learned.

@@ -185,7 +185,7 @@ impl Forward<'_> {
         let mut scratch = Scratch::new(width);
         let first = self.pixels.start;
         let mut start = first;
-        while start < self.pixels.end {
+        while start < self.pixels.end && !self.inputs.edges.graph().stop().is_raised() {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
             let (count, local) = (pixels.len(), pixels.start - first);
@@ -320,7 +320,7 @@ impl Backward<'_> {
         let (mut d, mut d_rows) = (vec![0.0; PIXELS * width], vec![0.0; PIXELS * width]);
         let first = self.pixels.start;
         let mut start = first;
-        while start < self.pixels.end {
+        while start < self.pixels.end && !self.inputs.edges.graph().stop().is_raised() {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
             let (count, local) = (pixels.len(), pixels.start - first..pixels.end - first);

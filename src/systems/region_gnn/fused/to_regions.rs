@@ -83,7 +83,7 @@ impl Forward<'_> {
         let mut block = EdgeBlock::new(inputs.edges, inputs.width);
         let mut rows = vec![0.0; PIXELS * inputs.width];
         let mut start = self.pixels.start;
-        while start < self.pixels.end {
+        while start < self.pixels.end && !self.inputs.edges.graph().stop().is_raised() {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
             block.gather(&pixels);
@@ -204,7 +204,7 @@ impl Backward<'_> {
         let (mut rows, mut d_rows) = (vec![0.0; PIXELS * width], vec![0.0; PIXELS * width]);
         let first = self.pixels.start;
         let mut start = first;
-        while start < self.pixels.end {
+        while start < self.pixels.end && !self.inputs.edges.graph().stop().is_raised() {
             let pixels = start..self.pixels.end.min(start + PIXELS);
             start = pixels.end;
             block.gather(&pixels);
