@@ -15,7 +15,8 @@ fn with_style() -> &'static Path {
     FOLDER
         .get_or_init(|| {
             let folder = temporary();
-            let train = ["train", "sierra", "-o", "s.safetensors", "--crop", "64,64,96", "--epochs", "1", "-q"];
+            let train =
+                ["train", "sierra", "-o", "s.safetensors", "--crop", "64,64,96", "--epochs", "1", "-q"];
             done(folder.path(), &train);
             folder
         })
@@ -56,7 +57,12 @@ fn refused(sketch: &Path, more: &[&str], words: &[&str]) {
     let (name, out) = (sketch.to_str().unwrap(), out.to_str().unwrap());
     let words = [&["s.geojson"], words].concat();
     let words = if name.ends_with("s.geojson") { &words[..] } else { &words[1..] };
-    fails(with_style(), &[&["generate", "s.safetensors", "--sketch", name, "-o", out], more].concat(), 1, words);
+    fails(
+        with_style(),
+        &[&["generate", "s.safetensors", "--sketch", name, "-o", out], more].concat(),
+        1,
+        words,
+    );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
@@ -208,7 +214,11 @@ fn a_sketch_comes_back_from_a_gis_and_lies_on_its_terrain() {
     let plain = at.join("plain.asc");
     done(at, &["extract", plain.to_str().unwrap(), "-o", "pixels.geojson"]);
     let text = through_a_gis(&std::fs::read_to_string(at.join("pixels.geojson")).unwrap());
-    let text = text.replacen('{', r#"{"crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:OGC:1.3:CRS84"}},"#, 1);
+    let text = text.replacen(
+        '{',
+        r#"{"crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:OGC:1.3:CRS84"}},"#,
+        1,
+    );
     let pixels = at.join("p.geojson");
     std::fs::write(&pixels, text).unwrap();
     // An ASCII grid is placed at the corner that it states.
@@ -271,7 +281,8 @@ fn zeros_feet_and_kinds_are_told() {
     let ridge = r#"{"kind":"ridge"}"#;
     let whole = beside_a_valley(ridge, "[[10,20,0],[60,40,0],[110,30,0]]");
     let single = beside_a_valley(ridge, "[[10,20,2300],[60,40,0],[110,30,2400]]");
-    for (text, words) in [(whole, ["0 from end to end", "feature 1"]), (single, ["single vertices at height 0", "feature 1"])]
+    for (text, words) in
+        [(whole, ["0 from end to end", "feature 1"]), (single, ["single vertices at height 0", "feature 1"])]
     {
         let (_folder, path) = written(&text);
         says(&generate(&path, &[]).0.err, &words);
@@ -280,7 +291,9 @@ fn zeros_feet_and_kinds_are_told() {
         says(&generate(&path, &[]).0.err, &["0 from end to end", "feature 2"]);
     }
     // Heights that the style has never seen: in feet they would fit.
-    let feet = beside_a_valley(ridge, "[[10,20,8200],[110,30,8528]]").replace("1900]", "6232]").replace("1850]", "6068]");
+    let feet = beside_a_valley(ridge, "[[10,20,8200],[110,30,8528]]")
+        .replace("1900]", "6232]")
+        .replace("1850]", "6068]");
     let (_folder, path) = written(&feet.replace("1800]", "5904]"));
     for path in [Some(path), shared("sketch-feet.geojson")].into_iter().flatten() {
         let (answer, _) = generate(&path, &[]);
@@ -292,7 +305,8 @@ fn zeros_feet_and_kinds_are_told() {
     let (_folder, path) = written(&stated);
     assert_eq!(generate(&path, &[]).0.err, "");
     // Kinds under any name.
-    let own = [r#"{"Kind":"RIDGE"}"#, r#"{"id":4,"type":"Ridges"}"#].map(|p| written(&beside_a_valley(p, "[[10,20,2300],[110,30,2400]]")));
+    let own = [r#"{"Kind":"RIDGE"}"#, r#"{"id":4,"type":"Ridges"}"#]
+        .map(|p| written(&beside_a_valley(p, "[[10,20,2300],[110,30,2400]]")));
     for path in own.iter().map(|(_, path)| path.clone()).chain(shared("sketch-KIND.geojson")) {
         assert_eq!(looked_at(&path, &[])["ridges"]["strokes"], 1, "{}", path.display());
         assert_eq!(generate(&path, &[]).1["rows"], 128);
@@ -312,9 +326,15 @@ fn what_eval_saves_lies_where_it_was() {
     let place = bundled::load("sierra").unwrap().crop(Cell::new(256, 128), 128, 128).unwrap();
     for file in ["truth.tif", "laplace.tif"] {
         let dem = read(&out.join("256_128").join(file), &ReadOptions::default()).unwrap();
-        assert_eq!(dem.georeference().map(|g| (g.transform, g.epsg)), place.georeference().map(|g| (g.transform, g.epsg)));
+        assert_eq!(
+            dem.georeference().map(|g| (g.transform, g.epsg)),
+            place.georeference().map(|g| (g.transform, g.epsg))
+        );
         assert_eq!(dem.cell_size(), place.cell_size());
     }
     let sketch = looked_at(&out.join("256_128/sketch.geojson"), &[]);
-    assert_eq!(sketch["georeference"]["transform"], serde_json::json!(place.georeference().unwrap().transform));
+    assert_eq!(
+        sketch["georeference"]["transform"],
+        serde_json::json!(place.georeference().unwrap().transform)
+    );
 }

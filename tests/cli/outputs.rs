@@ -82,7 +82,10 @@ fn the_table_knows_every_option_that_writes() {
             .collect();
         assert_eq!(writes, options, "{verb}: {help}");
         for option in options {
-            assert!(WRITERS.iter().any(|(command, known, ..)| command[0] == verb && known == option), "{verb} {option}");
+            assert!(
+                WRITERS.iter().any(|(command, known, ..)| command[0] == verb && known == option),
+                "{verb} {option}"
+            );
         }
     }
 }
