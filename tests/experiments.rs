@@ -8,7 +8,7 @@ use monadnock::experiment::resolve::{Terrain, resolve};
 use monadnock::experiment::run::{Event, RunOptions, run};
 use monadnock::experiment::spec::{DetailSpec, Kind};
 use monadnock::experiment::{ExperimentSpec, bounds, markdown, report};
-use monadnock::systems::singan::DetailConfig;
+use monadnock::style::{GeneratorConfig, Style};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -161,9 +161,9 @@ fn detail_has_names_or_settings_and_other_names_are_refused() {
     };
     assert!(matches!(style("\"patches\"").unwrap(), DetailSpec::Patches(_)));
     for (detail, config) in [
-        ("\"generators\"", DetailConfig::default()),
-        ("\"paper\"", DetailConfig::paper()),
-        ("{ steps = 3 }", DetailConfig { steps: 3, ..DetailConfig::default() }),
+        ("\"generators\"", GeneratorConfig::default()),
+        ("\"paper\"", GeneratorConfig::paper()),
+        ("{ steps = 3 }", GeneratorConfig { steps: 3, ..GeneratorConfig::default() }),
     ] {
         assert_eq!(style(detail).unwrap(), DetailSpec::Generators(config), "{detail}");
     }
@@ -364,7 +364,8 @@ exemplar = [64, 64, 64]
     let table = Record::new(folder.path()).scores().unwrap();
     assert_eq!(table.rows.len(), 2);
     let style = fs::read_dir(folder.path().join("styles")).unwrap().next().unwrap().unwrap().path();
-    let training = monadnock::systems::region_gnn::Style::load(&style).unwrap().info.training;
+    let style = Style::load(&style).unwrap();
+    let training = style.network().unwrap().training();
     let value = |row: usize, name: &str| table.rows[row].values[table.column(name).unwrap()];
     let near = |a: f64, b: f64| assert!((a - b).abs() <= 1e-6 * b.abs(), "{a} {b}");
     near(value(0, "ssim").unwrap(), training.ssim);

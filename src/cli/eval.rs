@@ -14,9 +14,7 @@ use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::{aspect_distance, copy_audit, geomorphon_distance, sliced_wasserstein};
 use crate::sketch::Sketch;
 use crate::sketch::geojson::{self, HeightUnit};
-use crate::systems::region_gnn::Style;
-use crate::systems::region_gnn::style::fingerprint;
-use crate::systems::registry;
+use crate::style::{Registry, Style, fingerprint};
 use rayon::prelude::*;
 use std::fmt::Write;
 use std::fs;
@@ -77,9 +75,9 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
         .reads(&args.style)
         .reads(&args.dem.dem)
         .check()?;
-    let style = Style::load(&args.style)?;
+    let style = context.registry.load(&args.style)?;
     let dem = args.dem.load(&context.console)?;
-    let systems = registry::select(&style, &args.systems)?;
+    let systems = context.registry.select(&style, &args.systems)?;
     let origins = patches(&args.patches, &dem)?;
     let (origins, overlapping) = without_exemplar(&style, &dem, origins);
     if overlapping > 0 {
@@ -98,14 +96,14 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
         return Err(Error::value("patches", &args.patches, allowed));
     }
     let config = EvaluationConfig {
-        extraction: style.info.config.extraction.clone(),
+        extraction: style.origin.extraction.clone(),
         sketch_order: args.sketch_order,
         sketch_accumulation: args.sketch_accumulation,
     };
     let progress = context.console.progress(origins.len() as u64, "patches");
     let evaluation = evaluate(&dem, &origins, &systems, &config, context.seed, true, || progress.advance(1))?;
     drop(progress);
-    let kinds = kinds(&evaluation, &style, &dem)?;
+    let kinds = kinds(&evaluation, &style, &context.registry, &dem)?;
     if let Some(path) = &args.csv {
         file::write_bytes(path, to_csv(&evaluation.rows).as_bytes())?;
     }
@@ -145,7 +143,7 @@ fn patches(text: &str, dem: &Dem) -> Result<Vec<Cell>> {
 
 /// Leaves out patches that share cells with the exemplar, when this is the DEM that it was cut from.
 fn without_exemplar(style: &Style, dem: &Dem, origins: Vec<Cell>) -> (Vec<Cell>, usize) {
-    let e = &style.info.exemplar;
+    let e = &style.origin.exemplar;
     if fingerprint(dem) != e.source_sha256 {
         return (origins, 0);
     }
@@ -187,8 +185,8 @@ struct Kind {
 
 /// The kinds of all systems that rebuilt a patch. What a patch has no answer to (level ground faces nowhere) is left out
 /// there: the scores of an evaluation are not lost for it.
-fn kinds(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Kind>> {
-    let e = &style.info.exemplar;
+fn kinds(evaluation: &Evaluation, style: &Style, registry: &Registry, dem: &Dem) -> Result<Vec<Kind>> {
+    let e = &style.origin.exemplar;
     let exemplar = if fingerprint(dem) == e.source_sha256 {
         Some(dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?).filter(|window| window.void_count() == 0)
     } else {
@@ -196,7 +194,7 @@ fn kinds(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Kind>>
     };
     let names = evaluation.patches.first().map(|patch| &patch.outputs).into_iter().flatten();
     let kind = |(i, (name, _)): (usize, &(String, Option<Grid<f32>>))| {
-        let audited = exemplar.as_ref().filter(|_| name.starts_with("gnn"));
+        let audited = exemplar.as_ref().filter(|_| registry.has_learned(name));
         let of_patch = |patch: &Rebuilt| -> Option<[Option<f64>; 4]> {
             let output = patch.outputs[i].1.as_ref()?;
             let (truth, valid) = (&patch.truth, &patch.valid);

@@ -14,8 +14,7 @@ use crate::grid::{Grid, Mask};
 use crate::machine;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::sketch::{LineMap, Sketch};
-use crate::systems::pipeline::{add_detail, detail_of, no_detail};
-use crate::systems::region_gnn::Style;
+use crate::style::{Style, add_detail};
 use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
@@ -95,7 +94,7 @@ impl From<RandomHeightsName> for RandomHeights {
 /// What random lines are measured by, metres.
 pub(super) fn ground_of(style: &Style, range: Normalization) -> Ground {
     let metres = range.high() - range.low();
-    Ground { range: (range.low(), range.high()), slope: style.info.mean_slope.map(|slope| slope * metres) }
+    Ground { range: (range.low(), range.high()), slope: style.origin.mean_slope.map(|slope| slope * metres) }
 }
 
 const DETAIL: &str = "Detail";
@@ -129,13 +128,14 @@ impl DetailOptions {
         context: &Context,
     ) -> Result<Grid<f32>> {
         let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
-        let Some(detail) = detail_of(style)?.filter(|_| !self.no_detail) else {
-            return if asked { Err(no_detail()) } else { Ok(terrain) };
-        };
+        if self.no_detail || (style.detail.is_none() && !asked) {
+            return Ok(terrain);
+        }
+        let detail = style.needed_detail()?;
         let mask = self.detail_mask.as_deref().map(|path| mask(path, terrain.shape())).transpose()?;
         let how =
             DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() };
-        add_detail(&terrain, &detail, range, Some(lines), mask.as_ref(), &how, context.seed)
+        add_detail(&terrain, &**detail, range, Some(lines), mask.as_ref(), &how, context.seed, &context.stop)
     }
 }
 
@@ -163,12 +163,12 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         .reads(&args.sketch)
         .reads(args.map.like())
         .check()?;
-    let style = Style::load(&args.style)?;
-    let range = args.elevation.unwrap_or(style.info.normalization);
+    let style = context.registry.load(&args.style)?;
+    let range = args.elevation.unwrap_or(style.origin.normalization);
     let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Leave };
     let metres_per_unit = args.metres_per_unit;
     let options = ReadOptions { missing_heights: missing, metres_per_unit, ..args.reading.options() };
-    let [x, y] = style.info.exemplar.cell_size;
+    let [x, y] = style.origin.exemplar.cell_size;
     let placed = args.map.read(&args.sketch, &options, CellSize::new(x, y)?, &context.console)?;
     let sketch = in_metres(&placed.reading, range);
     let heights = StyleHeights { path: &args.style, style: &style, range };
@@ -183,7 +183,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         None => sketch,
     };
     let lines = sketch.rasterize();
-    let terrain = style.generate(&lines, Some(range), context.seed)?;
+    let terrain = style.generate(&lines, Some(range), context.seed, &context.stop)?;
     let terrain = args.detail.add(&style, terrain, &lines, range, context).map_err(|e| match e {
         Error::Value { .. } => e.in_file(&args.style),
         other => other,

@@ -11,7 +11,6 @@ use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
 use crate::sketch::geojson::{HeightUnit, MissingHeights, ReadOptions, SketchReading};
 use crate::sketch::{LineMap, Sketch, SketchGraph, StrokeKind, samples};
-use crate::systems::region_gnn::style;
 use serde_json::{Value, json};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -53,7 +52,7 @@ pub(super) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
         Content::Sketch => sketch(&args.file, args)?,
         Content::Style => {
             let mut value = json!({"kind": "style", "file": args.file.display().to_string()});
-            merge(&mut value, style::describe(&args.file)?);
+            merge(&mut value, context.registry.load(&args.file)?.describe()?);
             let rows = style_rows(&value);
             (value, rows)
         }
@@ -392,14 +391,10 @@ fn detail_row(value: &Value) -> String {
     let Some(record) = value.pointer("/detail/record") else {
         return "none: trained with --no-detail, or by an older version".to_owned();
     };
-    if value.pointer("/detail/model").and_then(Value::as_str) == Some("patches") {
-        let number = |pointer: &str| value.pointer(pointer).map_or_else(|| "-".to_owned(), plain);
+    if let Some(rows) = value.pointer("/detail/rows") {
         let gain = record.get("gain").and_then(Value::as_f64).unwrap_or_default();
-        return format!(
-            "patches of the exemplar, {} x {} cells; strength {gain:.2}",
-            number("/detail/rows"),
-            number("/detail/cols")
-        );
+        let cols = value.pointer("/detail/cols").map_or_else(|| "-".to_owned(), plain);
+        return format!("patches of the exemplar, {} x {cols} cells; strength {gain:.2}", plain(rows));
     }
     let number = |key: &str| record.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
     let steps: Vec<u64> = record

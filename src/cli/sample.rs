@@ -6,9 +6,7 @@ use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem};
 use crate::error::Result;
-use crate::systems::pipeline::needed_detail;
-use crate::systems::region_gnn::Style;
-use crate::systems::task::{DetailModel, SampleUse};
+use crate::systems::task::SampleUse;
 use std::path::PathBuf;
 
 /// Arguments of `sample`.
@@ -40,12 +38,12 @@ pub(super) struct SampleArgs {
 /// Whatever is wrong with the style or the output path.
 pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
     Outputs::new().writes("--output", &args.output, OutputKind::Terrain).reads(&args.style).check()?;
-    let style = Style::load(&args.style)?;
-    let detail = needed_detail(&style).map_err(|e| e.in_file(&args.style))?;
-    let range = style.info.normalization;
+    let style = context.registry.load(&args.style)?;
+    let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
+    let range = style.origin.normalization;
     let what = SampleUse { rows: args.size.0, cols: args.size.1, variety: args.variety };
-    let unit = detail.sample(&what, context.seed)?;
-    let [x, y] = style.info.exemplar.cell_size;
+    let unit = detail.sample(&what, context.seed, &context.stop)?;
+    let [x, y] = style.origin.exemplar.cell_size;
     let dem = Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), CellSize::new(x, y)?)?;
     io::write(&dem, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (dem.shape(), dem.range());

@@ -5,14 +5,11 @@ use super::console::Console;
 use super::outputs::{OutputKind, Outputs};
 use super::sketch_input::{SketchOptions, in_metres};
 use super::sketch_map::MapOptions;
-use crate::dem::{CellSize, Dem, Normalization};
-use crate::error::{Error, Result};
-use crate::grid::Grid;
-use crate::interpolation::height_model::HeightModel;
+use crate::dem::{CellSize, Normalization};
+use crate::error::Result;
 use crate::sketch::Sketch;
 use crate::sketch::geojson::{self, HeightUnit, MissingHeights, ReadOptions, SketchReading};
-use crate::systems::pipeline::{StyleDetail, detail_of};
-use crate::systems::region_gnn::Style;
+use crate::style::Style;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -67,13 +64,13 @@ pub(super) fn run(args: &SketchArgs, context: &Context) -> Result<()> {
         .reads(&args.style)
         .reads(args.map.like())
         .check()?;
-    let style = Style::load(&args.style)?;
+    let style = context.registry.load(&args.style)?;
     let options = ReadOptions { missing_heights: MissingHeights::Leave, ..args.reading.options() };
-    let [x, y] = style.info.exemplar.cell_size;
+    let [x, y] = style.origin.exemplar.cell_size;
     let console = &context.console;
     let placed = args.map.read(&args.sketch, &options, CellSize::new(x, y)?, console)?;
-    let sketch = in_metres(&placed.reading, style.info.normalization);
-    let style = StyleHeights { path: &args.style, style: &style, range: style.info.normalization };
+    let sketch = in_metres(&placed.reading, style.origin.normalization);
+    let style = StyleHeights { path: &args.style, style: &style, range: style.origin.normalization };
     let sketch = style.fill(&args.sketch, &placed.reading, sketch, console)?;
     geojson::write(&args.output, &sketch, HeightUnit::Metres, placed.reading.georeference.as_ref())?;
     let (low, high) = sketch.height_range().unwrap_or_default(); // a sketch that was read has a stroke
@@ -109,7 +106,8 @@ impl StyleHeights<'_> {
         if reading.given.iter().flatten().all(|given| *given) {
             return Ok(sketch);
         }
-        let filled = self.model()?.fill(&sketch, &reading.given).map_err(|e| e.in_file(path))?;
+        let model = self.style.height_model(self.range).map_err(|e| e.in_file(self.path))?;
+        let filled = model.fill(&sketch, &reading.given).map_err(|e| e.in_file(path))?;
         let name = path.display();
         console.line(format!(
             "{name}: strokes without heights: {}, with some of them: {}; they get those that ridges and valleys of the style \
@@ -133,23 +131,5 @@ impl StyleHeights<'_> {
             ));
         }
         Ok(filled.sketch)
-    }
-
-    /// What ridges and valleys are like in the terrain that the style keeps for its detail.
-    fn model(&self) -> Result<HeightModel> {
-        let none = || {
-            let allowed = "strokes without heights take them from the style's terrain: train it with --detail-model patches, or \
-                           give every stroke heights";
-            Error::file(self.path, "terrain of the style", "not kept", allowed)
-        };
-        let Some(StyleDetail::Patches(detail)) = detail_of(self.style)? else { return Err(none()) };
-        let ((rows, cols), (_, tensors)) = (detail.shape(), detail.parts());
-        let unit =
-            tensors.into_iter().find(|(name, _)| name == "truth").map(|(_, unit)| unit).ok_or_else(none)?;
-        let own = self.style.info.normalization;
-        let heights = Grid::from_vec(rows, cols, unit)?.map(|&z| own.to_metres(f64::from(z)) as f32);
-        let model = HeightModel::fit(&Dem::new(heights, CellSize::square(1.0)?)?)
-            .map_err(|e| e.in_file(self.path))?;
-        Ok(model.in_range(own, self.range))
     }
 }

@@ -4,6 +4,7 @@
 //! them, and the result is scored against the truth and, after another extraction, against the lines.
 
 use super::patches::PATCH;
+use crate::control::Stop;
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::{self, ExtractionConfig};
@@ -11,7 +12,7 @@ use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::registry::Named;
+use crate::style::Named;
 use crate::systems::task::SketchToTerrain;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -251,8 +252,10 @@ fn generated(
         Some((finishing, coarse, rows.get(index)?.seconds))
     });
     let (output, before) = match half_done {
-        Some((finishing, coarse, seconds)) => ((finishing.finish)(coarse, lines, seed), seconds),
-        None => (system.generate(lines, seed), 0.0),
+        Some((finishing, coarse, seconds)) => {
+            ((finishing.finish)(coarse, lines, seed, &Stop::new()), seconds)
+        }
+        None => (system.generate(lines, seed, &Stop::new()), 0.0),
     };
     (output, before + started.elapsed().as_secs_f64())
 }
@@ -270,15 +273,16 @@ mod tests {
     struct Counted(AtomicUsize);
 
     impl SketchToTerrain for Counted {
-        fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
+        fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
             self.0.fetch_add(1, Ordering::Relaxed);
-            Nearest.generate(lines, seed)
+            Nearest.generate(lines, seed, stop)
         }
     }
 
     fn doubled(start: Arc<dyn SketchToTerrain>) -> Arc<dyn SketchToTerrain> {
-        let finish =
-            |coarse: &Grid<f32>, _: &LineMap, seed: Seed| Ok(coarse.map(|z| 2.0 * z + seed.0 as f32 % 7.0));
+        let finish = |coarse: &Grid<f32>, _: &LineMap, seed: Seed, _: &Stop| {
+            Ok(coarse.map(|z| 2.0 * z + seed.0 as f32 % 7.0))
+        };
         Arc::new(Finishing { start, finish: Box::new(finish) })
     }
 

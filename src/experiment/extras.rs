@@ -13,7 +13,7 @@ use crate::machine;
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::{StrokeKind, split_parts};
-use crate::systems::region_gnn::RegionGraph;
+use crate::style::RegionGraph;
 use std::time::Instant;
 
 /// Head of `exemplars.csv`.

@@ -4,6 +4,7 @@ use super::record::Timed;
 use super::resolve::Area;
 use super::rows::{Key, ScoreRow};
 use super::spec::FIT_COLUMNS;
+use crate::control::Stop;
 use crate::dem::Normalization;
 use crate::error::Result;
 use crate::extract::{self, ExtractionConfig};
@@ -11,7 +12,7 @@ use crate::grid::Grid;
 use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::region_gnn::{Style, needs_correction};
+use crate::style::Style;
 use crate::systems::task::SketchToTerrain;
 use std::time::Instant;
 
@@ -32,12 +33,11 @@ fn exemplar(area: &Area, extraction: &ExtractionConfig) -> Result<(Grid<f32>, Li
 
 /// The exemplar rebuilt by the style as after its training, with the losses of its last step.
 pub(super) fn reconstruct(area: &Area, style: &Style, key: Key, columns: &[&str]) -> Timed {
-    let config = &style.info.config;
-    let correction = config.generation.correction.filter(|_| needs_correction(&config.model));
-    let rebuild = |lines: &LineMap| style.model.reconstruct(lines, correction, Seed(key.seed));
-    let last = style.info.training.history.last().map(|report| report.losses);
+    let network = style.network();
+    let rebuild = |lines: &LineMap| style.network()?.rebuild(lines, Seed(key.seed), &Stop::new());
+    let last = network.ok().and_then(|network| network.training().history.last()).map(|report| report.losses);
     let losses = last.map(|l| [l.ground_truth, l.gradient, l.sketch, l.smooth, l.further, 1.0 - l.ssim]);
-    scored(area, &config.extraction, rebuild, losses, key.clone(), columns)
+    scored(area, &style.origin.extraction, rebuild, losses, key.clone(), columns)
 }
 
 /// The exemplar rebuilt from its lines by an interpolator.
@@ -48,7 +48,14 @@ pub(super) fn interpolate(
     key: Key,
     columns: &[&str],
 ) -> Timed {
-    scored(area, extraction, |lines| system.generate(lines, Seed(key.seed)), None, key.clone(), columns)
+    scored(
+        area,
+        extraction,
+        |lines| system.generate(lines, Seed(key.seed), &Stop::new()),
+        None,
+        key.clone(),
+        columns,
+    )
 }
 
 fn scored(

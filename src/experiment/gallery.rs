@@ -7,11 +7,12 @@ use super::pictures::{SCALE, plain};
 use super::record::Record;
 use super::resolve::{Area, Resolved};
 use super::spec::{ExperimentSpec, Kind, SketchSpec};
+use crate::control::Stop;
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
 use crate::grid::{Grid, Mask};
 use crate::sketch::LineMap;
-use crate::systems::registry::Named;
+use crate::style::Named;
 use crate::systems::task::RandomHeights;
 use crate::viz::{ColorBar, LineArt, Palette, Picture, Relief, Rgb, Sheet};
 
@@ -99,7 +100,7 @@ fn drawings(resolved: &Resolved, systems: SystemsOf<'_>, keep: Keep<'_>) -> Resu
                 let (_, variants) = measure::drawing(area, sketch, seed)?;
                 sheet = sheet.panel(paper(&variants[0])?, "lines");
                 for (v, lines) in variants.iter().enumerate() {
-                    let output = system.generate(lines, measure::variant_seed(seed, v))?;
+                    let output = system.generate(lines, measure::variant_seed(seed, v), &Stop::new())?;
                     let picture = painter.draw(&output, &output.map(|_| true))?;
                     sheet = sheet.panel(picture, format!("variant {}", v + 1));
                 }
@@ -147,7 +148,8 @@ fn exchange(resolved: &Resolved, systems: SystemsOf<'_>) -> Result<Picture> {
         for (_, cell, painter, patch) in &patches {
             let made = match system_called(&systems, &highlight) {
                 Some((_, system)) => {
-                    let output = system.generate(&patch.lines, measure::patch_seed(seed, *cell))?;
+                    let output =
+                        system.generate(&patch.lines, measure::patch_seed(seed, *cell), &Stop::new())?;
                     painter.draw(&output, &patch.valid)?
                 }
                 None => blank(),
@@ -224,7 +226,8 @@ fn thinning(resolved: &Resolved, systems: SystemsOf<'_>, keep: Keep<'_>) -> Resu
             for patch in &patches {
                 let made = match patch {
                     Some(patch) => {
-                        let made = system.generate(&patch.lines, measure::patch_seed(seed, cell));
+                        let made =
+                            system.generate(&patch.lines, measure::patch_seed(seed, cell), &Stop::new());
                         made.ok().map(|output| painter.draw(&output, &patch.valid)).transpose()?
                     }
                     None => None,

@@ -9,6 +9,7 @@ use super::spec::{
     SketchSpec,
 };
 use super::{moved, states};
+use crate::control::Stop;
 use crate::dem::Normalization;
 use crate::error::{Error, Result};
 use crate::extract::{self, ExtractionConfig};
@@ -19,8 +20,7 @@ use crate::metrics::{
 };
 use crate::seed::Seed;
 use crate::sketch::{LineMap, Sketch, StrokeKind, samples};
-use crate::systems::region_gnn::Style;
-use crate::systems::registry::Named;
+use crate::style::{Named, Style};
 use crate::systems::task::{Ground, with_random_lines};
 use rand::RngExt;
 use std::time::Instant;
@@ -276,7 +276,7 @@ fn drawn(
         let outputs: Result<Vec<Grid<f32>>> = variants
             .iter()
             .enumerate()
-            .map(|(v, lines)| system.generate(lines, variant_seed(seed, v)))
+            .map(|(v, lines)| system.generate(lines, variant_seed(seed, v), &Stop::new()))
             .collect();
         let seconds = started.elapsed().as_secs_f64() / VARIANTS as f64;
         let scored = outputs

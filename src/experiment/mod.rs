@@ -8,7 +8,6 @@ pub mod bounds;
 mod by_kind;
 mod evaluation;
 pub mod markdown;
-mod overlay;
 mod extras;
 pub mod findings;
 mod fit;
@@ -29,7 +28,6 @@ mod table;
 mod validate;
 
 pub use evaluation::{Evaluation, EvaluationConfig, Rebuilt, Row, evaluate};
-pub use overlay::{overlay, style_config};
 pub use patches::{PATCH, choose_exemplar, patch_cells};
 pub use spec::ExperimentSpec;
 pub use table::{Line, aggregate, to_csv};

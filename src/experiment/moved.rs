@@ -6,11 +6,12 @@
 
 use super::measure::{Systems, style_of};
 use super::spec::SketchSpec;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, Sketch, SketchPart, split_parts};
-use crate::systems::registry::Named;
+use crate::style::Named;
 
 /// Cells along the frame that are not compared where the frame cut lines off.
 const MARGIN: f64 = 16.0;
@@ -136,17 +137,17 @@ pub(super) fn pair(
     let style = if sketch.same_parts { style_of(name, systems).ok() } else { None };
     let (before, after) = match style {
         Some(style) => {
-            let model = &style.model;
+            let model = style.network()?.model();
             let parts = split_parts(lines, model.config().parts, seed);
             let turned = way.parts(&parts, lines.shape());
             let make = |lines: &LineMap, parts| {
-                model.generate_from_parts(lines, parts, &style.info.config.generation, seed)
+                model.generate_from_parts(lines, parts, &style.config().generation, seed)
             };
             (make(lines, parts)?, make(&moved, turned)?)
         }
         None => {
             let other = if is_at_rest { seed.derive("another seed") } else { seed };
-            (system.generate(lines, seed)?, system.generate(&moved, other)?)
+            (system.generate(lines, seed, &Stop::new())?, system.generate(&moved, other, &Stop::new())?)
         }
     };
     Ok((before, after, way))

@@ -6,8 +6,7 @@ use crate::dem::manifest::Manifest;
 use crate::dem::{CellSize, Dem, bundled};
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid};
-use crate::systems::region_gnn::Source;
-use crate::systems::region_gnn::style::fingerprint;
+use crate::style::{Source, fingerprint};
 use std::path::Path;
 
 /// Where terrain comes from by name: a folder with a manifest, then the bundled tiles.

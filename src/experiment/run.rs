@@ -9,16 +9,16 @@ use super::resolve::{Area, Resolved};
 use super::rows::{Key, ScoreRow};
 use super::spec::{DetailSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
 use super::{extras, fit};
+use crate::control::{Checkpoints, Control, Progress, Stage};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::Cell;
 use crate::machine;
 use crate::seed::Seed;
-use crate::systems::pipeline::{StyleDetail, detail_of, learn_detail, take_patches, unseen_surface};
-use crate::systems::region_gnn::style::{StyleConfig, learn_with};
-use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, GenerationConfig, Style};
-use crate::systems::registry;
-use crate::systems::singan;
+use crate::style::{
+    Exemplar, GenerationConfig, Registry, Style, StyleConfig, TrainingSummary, learn_coarse, learn_detail,
+    unseen_surface,
+};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -228,16 +228,15 @@ fn train_all(
 
 /// A style from an earlier run; a file that is not it, or torn, is trained again.
 fn load(path: &Path, wanted: &Wanted<'_>, with_detail: bool) -> Option<Style> {
-    let mut style = Style::load(path).ok()?;
+    let style = Style::load(path).ok()?;
     // A training that ended early says so in its number of epochs.
-    let mut config = of_training(&style.info.config);
+    let mut config = of_training(&style.config());
     config.model.epochs = wanted.config.model.epochs;
     let is_it = config == of_training(&wanted.config)
-        && style.info.exemplar == wanted.area.source.info
-        && style.info.seed == Seed(wanted.seed)
-        && style.info.detail.is_some() == with_detail;
-    style.info.config.generation = wanted.config.generation.clone();
-    is_it.then_some(style)
+        && style.origin.exemplar == wanted.area.source.info
+        && style.origin.seed == Seed(wanted.seed)
+        && style.detail.is_some() == with_detail;
+    style.with_generation(&wanted.config.generation).ok().filter(|_| is_it)
 }
 
 fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained> {
@@ -245,37 +244,33 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
     let checkpoint = wanted.path.with_extension("checkpoint");
     let detail_checkpoint = wanted.path.with_extension("detail-checkpoint");
     let learned = without_panic(|| {
-        let mut progress = |report: &EpochReport| {
-            // Also those that an earlier run has done.
-            watch(Event::Steps((report.epoch - told) as u64));
-            told = report.epoch;
-        };
-        let checkpoints =
-            Checkpoints { path: checkpoint.clone(), interval: CHECKPOINTS, resume: checkpoint.exists() };
-        let control = Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints) };
-        let (source, seed) = (&wanted.area.source, Seed(wanted.seed));
-        let Some(detail) = &wanted.style.detail else {
-            return learn_with(source, &wanted.config, seed, control);
-        };
-        // Another style of the experiment, or another experiment, may have trained the coarse model.
-        let mut style = match load(&wanted.coarse, wanted, false) {
-            Some(style) => style,
-            None => learn_with(source, &wanted.config, seed, control)?,
-        };
-        let unseen = unseen_surface(&style, source, seed, None, &mut |_| {})?;
-        match detail {
-            DetailSpec::Patches(_) => take_patches(&mut style, source, unseen.as_ref(), seed)?,
-            DetailSpec::Generators(settings) => {
-                let mut quiet = |_: &singan::StepReport| {};
-                let checkpoints = Checkpoints {
-                    path: detail_checkpoint.clone(),
-                    interval: CHECKPOINTS,
-                    resume: detail_checkpoint.exists(),
-                };
-                let checkpoints = Some(checkpoints);
-                let control = singan::Control { progress: &mut quiet, budget: None, checkpoints };
-                learn_detail(&mut style, source, unseen.as_ref(), settings, seed, control)?;
+        let mut progress = |done: &Progress<'_>| {
+            if matches!(done.stage, Stage::Coarse(_)) {
+                // Also those that an earlier run has done.
+                watch(Event::Steps((done.step - told) as u64));
+                told = done.step;
             }
+        };
+        let kept =
+            |path: &Path| Checkpoints { path: path.to_owned(), interval: CHECKPOINTS, resume: path.exists() };
+        let (source, seed) = (&wanted.area.source, Seed(wanted.seed));
+        let plan = wanted.config.plan()?;
+        // Another style of the experiment, or another experiment, may have trained the coarse model.
+        let known = wanted.style.detail.as_ref().and_then(|_| load(&wanted.coarse, wanted, false));
+        let mut style = match known {
+            Some(style) => style,
+            None => {
+                let checkpoints = Some(kept(&checkpoint));
+                let control = Control { checkpoints, ..Control::new(&mut progress) };
+                learn_coarse(source, &wanted.config.extraction, &*plan, seed, control)?
+            }
+        };
+        if let Some(detail) = &wanted.style.detail {
+            let exemplar = Exemplar::new(source, &wanted.config.extraction, seed)?;
+            let unseen = unseen_surface(&*plan, &exemplar, Control::new(&mut |_| {}))?;
+            let control =
+                Control { checkpoints: Some(kept(&detail_checkpoint)), ..Control::new(&mut progress) };
+            learn_detail(&mut style, source, &*plan, unseen, &*detail.plan()?, control)?;
         }
         Ok(style)
     });
@@ -300,25 +295,24 @@ fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained>
 }
 
 fn training_row(wanted: &Wanted<'_>, style: &Trained) -> TrainingRow {
-    let training = style.as_ref().ok().map(|style| &style.info.training);
-    let value = |f: fn(&crate::systems::region_gnn::style::TrainingSummary) -> f64| training.map_or(0.0, f);
+    let network = style.as_ref().ok().and_then(|style| style.network().ok());
+    let training = network.map(|network| network.training());
+    let value = |f: fn(&TrainingSummary) -> f64| training.map_or(0.0, f);
     TrainingRow {
         style: wanted.style.name.clone(),
         area: wanted.area.name.clone(),
         seed: wanted.seed,
-        parameters: style.as_ref().map_or(0, |s| s.model.network().params().value_count()),
+        parameters: network.map_or(0, |network| network.model().network().params().value_count()),
         epochs: training.map_or(0, |t| t.epochs),
         seconds: value(|t| t.seconds),
         preparation_seconds: value(|t| t.preparation_seconds),
         seconds_per_epoch: value(|t| t.seconds_per_epoch),
-        detail: style.as_ref().ok().and_then(|style| detail_of(style).ok()?).map(|detail| match &detail {
-            StyleDetail::Generators(d) => {
-                let r = d.record();
-                DetailRow { seconds: r.seconds, gain: f64::from(r.gain), psnr: Some(r.psnr) }
-            }
-            StyleDetail::Patches(d) => {
-                let r = d.record();
-                DetailRow { seconds: r.seconds, gain: f64::from(r.gain), psnr: None }
+        detail: style.as_ref().ok().and_then(|style| style.detail.as_ref()).map(|detail| {
+            let account = detail.account();
+            DetailRow {
+                seconds: account.seconds,
+                gain: f64::from(detail.gain()),
+                psnr: account.figure("PSNR"),
             }
         }),
         error: style.as_ref().err().cloned().unwrap_or_default(),
@@ -352,7 +346,7 @@ impl Plan<'_> {
         for (spec, style) in self.styles_of(area, seed) {
             let Ok(style) = style else { continue };
             let uses = self.spec().uses(spec)?;
-            for (name, system) in registry::trained(style)? {
+            for (name, system) in style.uses() {
                 if !uses.contains(&name) {
                     continue;
                 }
@@ -362,9 +356,9 @@ impl Plan<'_> {
         }
         if with_interpolators {
             let names = self.spec().interpolator_names()?;
-            systems
-                .named
-                .extend(registry::interpolators().into_iter().filter(|(name, _)| names.contains(name)));
+            systems.named.extend(
+                Registry::default().interpolators().iter().filter(|(name, _)| names.contains(name)).cloned(),
+            );
         }
         Ok(systems)
     }
@@ -526,13 +520,13 @@ impl Plan<'_> {
             }
             let names = self.spec().interpolator_names()?;
             for (name, system) in
-                registry::interpolators().into_iter().filter(|(name, _)| names.contains(name))
+                Registry::default().interpolators().iter().filter(|(name, _)| names.contains(name))
             {
                 rows.push(fit::interpolate(
                     area,
-                    &*system,
+                    &**system,
                     &self.spec().extraction,
-                    key(&name),
+                    key(name),
                     self.columns,
                 ));
             }

@@ -3,18 +3,16 @@
 //! `docs/experiments.md` describes the format for those who write one. A file that was resolved
 //! ([`resolve`](super::resolve::resolve)) is one too, with nothing left open.
 
-use super::overlay::style_config;
+use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
 use crate::file;
 use crate::metrics::Scores;
-use crate::systems::gpnn::PatchModel;
-use crate::systems::region_gnn::{Preset, StyleConfig};
-use crate::systems::registry;
-use crate::systems::singan::DetailConfig;
+use crate::style::{self, DetailPlan, GeneratorConfig, Preset, Registry, StyleConfig, generators, overlaid};
 use crate::systems::task::RandomHeights;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 
 /// The largest file that is read as an experiment, bytes.
 const LARGEST: u64 = 1 << 22;
@@ -150,14 +148,35 @@ pub struct StyleSpec {
     pub detail: Option<DetailSpec>,
 }
 
+/// The word `patches`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Patches {
+    /// The exemplar's own patches.
+    Patches,
+}
+
 /// The detail of a style.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum DetailSpec {
     /// The exemplar's patches.
-    Patches(PatchModel),
+    Patches(Patches),
     /// Generators, trained with these settings.
-    Generators(DetailConfig),
+    Generators(GeneratorConfig),
+}
+
+impl DetailSpec {
+    /// The detail, to learn with these settings.
+    ///
+    /// # Errors
+    /// When one is out of range.
+    pub fn plan(&self) -> Result<Arc<dyn DetailPlan>> {
+        match self {
+            Self::Patches(_) => Registry::default().plan_detail("patches", &toml::Table::new()),
+            Self::Generators(settings) => generators(settings.clone()),
+        }
+    }
 }
 
 // Not derived: an untagged enum would not say which key is wrong.
@@ -165,9 +184,9 @@ impl<'de> Deserialize<'de> for DetailSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match toml::Value::deserialize(deserializer)? {
             toml::Value::String(name) => match name.as_str() {
-                "patches" => Ok(Self::Patches(PatchModel::Patches)),
-                "generators" => Ok(Self::Generators(DetailConfig::default())),
-                "paper" => Ok(Self::Generators(DetailConfig::paper())),
+                "patches" => Ok(Self::Patches(Patches::Patches)),
+                "generators" => Ok(Self::Generators(GeneratorConfig::default())),
+                "paper" => Ok(Self::Generators(GeneratorConfig::paper())),
                 _ => Err(serde::de::Error::unknown_variant(&name, &["patches", "generators", "paper"])),
             },
             settings => settings.try_into().map(Self::Generators).map_err(serde::de::Error::custom),
@@ -462,7 +481,8 @@ impl ExperimentSpec {
     /// # Errors
     /// When there is none of that name.
     pub fn interpolator_names(&self) -> Result<Vec<String>> {
-        let known: Vec<String> = registry::interpolators().into_iter().map(|(name, _)| name).collect();
+        let known: Vec<String> =
+            Registry::default().interpolators().iter().map(|(name, _)| name.clone()).collect();
         if self.interpolators == ["all"] {
             return Ok(known);
         }
@@ -481,7 +501,7 @@ impl ExperimentSpec {
     /// # Errors
     /// As [`systems`](Self::systems).
     pub fn uses(&self, style: &StyleSpec) -> Result<Vec<String>> {
-        let known = registry::names(&self.config_of(style)?, style.detail.is_some());
+        let known = style::names(&[self.config_of(style)?.plan()?], style.detail.is_some());
         if style.systems.is_empty() {
             return Ok(known);
         }
@@ -513,7 +533,7 @@ impl ExperimentSpec {
         }
         let mut base = StyleConfig::preset(style.preset.unwrap_or(Preset::Anchored));
         base.extraction = self.extraction.clone();
-        style_config(&base, [&self.overrides, &style.set]).map_err(named)
+        overlaid(&base, [&self.overrides, &style.set], "configuration").map_err(named)
     }
 
     /// The sketches; the one of `extraction` when none is named. For `exchange` one for each area, called as it is.
@@ -551,6 +571,6 @@ impl StyleSpec {
     /// What a way to use the style is called in the scores.
     #[must_use]
     pub fn label(&self, system: &str) -> String {
-        format!("{}{}", self.name, system.strip_prefix("gnn").unwrap_or(system))
+        format!("{}{}", self.name, style::suffix(&Registry::default(), system))
     }
 }

@@ -8,7 +8,7 @@ use super::measure::{Systems, style_of};
 use crate::error::{Error, Result};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
-use crate::systems::registry::Named;
+use crate::style::Named;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -31,7 +31,7 @@ pub(super) fn of(
     seed: Seed,
 ) -> Result<Vec<State>> {
     let style = style_of(name, systems)?;
-    let states = style.model.region_states(lines, &style.info.config.generation, seed)?;
+    let states = style.network()?.model().region_states(lines, &style.config().generation, seed)?;
     let has = |kind| states.iter().any(|(k, _)| *k == kind);
     if !has(StrokeKind::Ridge) || !has(StrokeKind::Valley) {
         return Err(Error::value("kinds of region", 1, "ridges and valleys are needed to tell them apart"));
