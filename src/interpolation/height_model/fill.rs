@@ -82,7 +82,7 @@ impl HeightModel {
     }
 
     /// Slope of a valley that drains so many cells, metres a cell.
-    fn slope(&self, drained: f64) -> f64 {
+    pub(super) fn slope(&self, drained: f64) -> f64 {
         self.valley_slope * drained.max(LEAST_AREA).powf(-self.concavity)
     }
 

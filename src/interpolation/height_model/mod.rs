@@ -15,6 +15,8 @@ mod equations;
 mod fill;
 mod fit;
 mod network;
+#[cfg(test)]
+mod tests;
 
 pub use fill::Filled;
 pub use fit::{Density, HeightModel};
