@@ -18,6 +18,7 @@ mod info;
 mod outputs;
 mod render;
 mod sample;
+mod sketch_fill;
 mod sketch_input;
 mod sketch_map;
 mod train;
@@ -92,6 +93,8 @@ enum Command {
     Extract(extract::ExtractArgs),
     /// Learn a style from one piece of terrain
     Train(train::TrainArgs),
+    /// Complete sketches before they become terrain
+    Sketch(sketch_fill::SketchArgs),
     /// Turn a sketch into terrain in a style
     Generate(generate::GenerateArgs),
     /// Make terrain finer, with a style's detail below its cells
@@ -185,6 +188,7 @@ fn dispatch(command: &Command, context: &Context) -> Result<()> {
         Command::Demo(args) => demo::run(args, context),
         Command::Extract(args) => extract::run(args, context),
         Command::Train(args) => train::run(args, context),
+        Command::Sketch(args) => sketch_fill::run(args, context),
         Command::Generate(args) => generate::run(args, context),
         Command::Amplify(args) => amplify::run(args, context),
         Command::Sample(args) => sample::run(args, context),
