@@ -24,12 +24,13 @@ pub(super) struct DemInput {
 }
 
 impl DemInput {
-    /// The terrain, on square cells unless they are to be kept; says so on the console.
+    /// The terrain, on square cells unless they are to be kept; says so on the console, and what the reader noticed.
     ///
     /// # Errors
     /// As [`DemReading::read`].
     pub(super) fn load(&self, console: &Console) -> Result<Dem> {
-        let (dem, _) = self.reading.read(&self.dem)?;
+        let (dem, description) = self.reading.read(&self.dem)?;
+        tell(&self.dem, &description, console);
         let (name, size) = (self.dem.display(), dem.cell_size());
         let sides = format!("cells are {:.2} m west-east and {:.2} m north-south", size.x(), size.y());
         if self.keep_cells {
@@ -61,8 +62,8 @@ pub(super) struct DemReading {
     /// Cell size on the ground, metres: one side, or west-east and north-south; overrules the file
     #[arg(long, help_heading = READING, value_name = "M[,M]", value_parser = cell_size, allow_hyphen_values = true)]
     cell_size: Option<CellSize>,
-    /// The stored number that means "no height here", or `none`; overrules the file; not for PNG
-    #[arg(long, help_heading = READING, value_name = "V", value_parser = nodata, allow_hyphen_values = true)]
+    /// The stored number that means "no height here", or two of them, or `none`; overrules the file; in a PNG a grey level
+    #[arg(long, help_heading = READING, value_name = "V[,V]", value_parser = nodata, allow_hyphen_values = true)]
     nodata: Option<Nodata>,
     /// Band of a GeoTIFF with several, counted from 1
     #[arg(long, help_heading = READING, value_name = "N")]
@@ -117,23 +118,21 @@ impl DemReading {
         if format != Format::Png {
             return Ok(());
         }
-        if let Some(nodata) = self.nodata {
-            let value = match nodata {
-                Nodata::Value(value) => value.to_string(),
-                Nodata::None => "none".to_owned(),
-                Nodata::AsDeclared => "as declared".to_owned(),
-            };
-            return refuse(
-                "--nodata",
-                value,
-                "not for PNG: only a PNG of this program has voids, and says so",
-            );
-        }
         if let Some(metres) = self.metres_per_unit {
             let allowed = "not for PNG: a PNG holds grey levels, whose heights --elevation gives in metres";
             return refuse("--metres-per-unit", metres.to_string(), allowed);
         }
         Ok(())
+    }
+}
+
+/// What the reader of a terrain file noticed: what was assumed, what stands beside the file, what is strange.
+pub(super) fn tell(dem: &Path, description: &Description, console: &Console) {
+    for note in &description.notes {
+        console.line(format!("{}: {note}", dem.display()));
+    }
+    for warning in &description.warnings {
+        console.warning(format!("{}: {warning}", dem.display()));
     }
 }
 
@@ -265,7 +264,13 @@ fn nodata(text: &str) -> Result<Nodata, String> {
     if text.eq_ignore_ascii_case("none") {
         return Ok(Nodata::None);
     }
-    text.trim().parse().map(Nodata::Value).map_err(|_| "allowed: a number or `none`".to_owned())
+    let number = |text: &str| {
+        text.trim().parse().map_err(|_| "allowed: a number, two with a comma between, or `none`".to_owned())
+    };
+    match text.split_once(',') {
+        None => number(text).map(Nodata::Value),
+        Some((one, other)) => Ok(Nodata::Either([number(one)?, number(other)?])),
+    }
 }
 
 /// The largest configuration file that is read, bytes.
@@ -323,6 +328,7 @@ mod tests {
         }
         assert_eq!(nodata("none"), Ok(Nodata::None));
         assert_eq!(nodata("-9999"), Ok(Nodata::Value(-9999.0)));
-        assert!(nodata("void").is_err());
+        assert_eq!(nodata("-32768,32767"), Ok(Nodata::Either([-32768.0, 32767.0])));
+        assert!(nodata("void").is_err() && nodata("1,").is_err() && nodata("1,2,3").is_err());
     }
 }

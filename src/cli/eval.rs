@@ -280,7 +280,7 @@ pub(super) fn table(systems: &[SystemSummary]) -> String {
     table.text()
 }
 
-/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres.
+/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres, where the patch lies in `dem`.
 fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
     let place = dem.georeference().map(|g| g.shifted(patch.origin.row, patch.origin.col));
     let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));

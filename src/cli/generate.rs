@@ -141,7 +141,11 @@ impl DetailOptions {
 fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
     let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
     let elevation = png.then(|| Normalization::new(0.0, 1.0)).transpose()?;
-    let dem = io::read(path, &io::ReadOptions { elevation, ..Default::default() })?;
+    let dem = io::read(
+        path,
+        // Where it lies and how large its cells are does not count.
+        &io::ReadOptions { elevation, cell_size: Some(CellSize::square(1.0)?), ..Default::default() },
+    )?;
     if dem.shape() != shape {
         let (found, wanted) = (dem.shape(), shape);
         let found = format!("{}x{} cells", found.0, found.1);

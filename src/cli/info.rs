@@ -23,7 +23,7 @@ Examples:
   monadnock info lambda-ring
   monadnock info sierra.safetensors --json
 
-A file is a style when its name ends in .safetensors, a sketch when it holds JSON, and terrain otherwise.";
+What a file is follows from its content, whatever its name: JSON is a sketch, a safetensors header a style, the rest terrain.";
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -67,23 +67,37 @@ enum Content {
     Style,
 }
 
-/// What a file is: by name where that is clear, else by whether it starts like JSON.
+/// What a file is, by its content; an SRTM tile, which begins with any bytes, by its name.
 fn content_of(path: &Path) -> Result<Content> {
+    if bundled_sketch(path).is_some() {
+        return Ok(Content::Sketch);
+    }
+    if !path.exists() && args::bundled_name(path).is_none() {
+        return Err(nothing_there(path));
+    }
+    if !path.is_file() || Format::of_extension(path) == Some(Format::Hgt) {
+        return Ok(Content::Terrain);
+    }
+    const HEAD: u64 = 64;
+    let file = std::fs::File::open(path).map_err(Error::io(path, "open the file"))?;
+    let length = file.metadata().map_err(Error::io(path, "open the file"))?.len();
+    let mut start = Vec::new();
+    file.take(HEAD).read_to_end(&mut start).map_err(Error::io(path, "read the file"))?;
+    // The length of the header comes first, then the header, which is JSON.
+    if let Some((head, rest)) = start.split_first_chunk::<8>()
+        && rest.first() == Some(&b'{')
+        && u64::from_le_bytes(*head) <= length
+    {
+        return Ok(Content::Style);
+    }
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start).trim_ascii_start();
     let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    Ok(match extension.as_deref() {
-        Some("safetensors") => Content::Style,
-        Some("geojson" | "json") => Content::Sketch,
-        _ if bundled_sketch(path).is_some() => Content::Sketch,
-        _ if !path.exists() && args::bundled_name(path).is_none() => return Err(nothing_there(path)),
-        _ if Format::of_extension(path).is_some() || !path.is_file() => Content::Terrain,
-        _ => {
-            const HEAD: u64 = 64;
-            let file = std::fs::File::open(path).map_err(Error::io(path, "open the file"))?;
-            let mut start = Vec::new();
-            file.take(HEAD).read_to_end(&mut start).map_err(Error::io(path, "read the file"))?;
-            let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start).trim_ascii_start();
-            if text.first() == Some(&b'{') { Content::Sketch } else { Content::Terrain }
-        }
+    Ok(match (text.first(), extension.as_deref()) {
+        (Some(b'{' | b'['), _) => Content::Sketch,
+        // Damaged files of a clear name: their readers say what is wrong.
+        (_, Some("safetensors")) if Format::of_content(&start).is_none() => Content::Style,
+        (_, Some("geojson" | "json")) if Format::of_content(&start).is_none() => Content::Sketch,
+        _ => Content::Terrain,
     })
 }
 
@@ -118,6 +132,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
         "coordinates": description.coordinates,
         "georeference": dem.georeference(),
         "notes": description.notes,
+        "warnings": description.warnings,
         "bundled": tile,
     });
     let packing =
@@ -125,6 +140,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
     let source = match description.cell_size_source {
         CellSizeSource::File => "",
         CellSizeSource::Caller => ", as given",
+        CellSizeSource::AssumedUnit => ", if its unit is the metre: the file does not say",
         CellSizeSource::Assumed => ", assumed: the file does not say",
     };
     let side = if x == y { metres(x) } else { format!("{} west-east, {} north-south", metres(x), metres(y)) };
@@ -151,6 +167,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
         ));
     }
     table.extend(description.notes.iter().map(|note| row("note", note)));
+    table.extend(description.warnings.iter().map(|warning| row("warning", warning)));
     if let Some(tile) = tile {
         table.push(row("place", &tile.title));
         table.push(row("source", format!("{} ({})", tile.source, tile.licence)));

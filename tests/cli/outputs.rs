@@ -41,20 +41,27 @@ fn false_names_are_refused_by_every_verb_before_the_work() {
     prepare(at);
     let before = names(at);
     for (command, option, wrong, good) in WRITERS {
-        let with = |value: &str| [command, &[option, value]].concat();
+        fn with<'a>(command: &[&'a str], option: &'a str, value: &'a str) -> Vec<&'a str> {
+            [command, &[option, value]].concat()
+        }
         let ending = if wrong == "hill.asc" { "a file" } else { "file extension" };
-        fails(at, &with(wrong), 1, &[wrong, ending, "allowed"]);
+        fails(at, &with(command, option, wrong), 1, &[wrong, ending, "allowed"]);
         if !["saved", "shown", "record"].contains(&good) {
-            fails(at, &with(&format!("none/{good}")), 1, &[good, "folder", "none", "not there"]);
-            fails(at, &with("hill.asc/x"), 1, &["hill.asc"]);
+            fails(
+                at,
+                &with(command, option, &format!("none/{good}")),
+                1,
+                &[good, "folder", "none", "not there"],
+            );
+            fails(at, &with(command, option, "hill.asc/x"), 1, &["hill.asc"]);
             std::fs::create_dir(at.join(good)).unwrap();
-            fails(at, &with(good), 1, &[good, "a folder"]);
+            fails(at, &with(command, option, good), 1, &[good, "a folder"]);
             std::fs::remove_dir(at.join(good)).unwrap();
         }
         if cfg!(target_os = "linux") {
             // Not even the superuser creates files there.
             let nowhere = format!("/proc/{good}");
-            fails(at, &with(&nowhere), 1, &[&nowhere, option, "cannot be written"]);
+            fails(at, &with(command, option, &nowhere), 1, &[&nowhere, option, "cannot be written"]);
         }
     }
     assert_eq!(names(at), before, "a refused run leaves nothing behind");

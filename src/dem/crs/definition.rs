@@ -52,13 +52,7 @@ impl Crs {
     /// 54004); `None` when the table does not have it.
     #[must_use]
     pub fn from_epsg(code: u32) -> Option<Self> {
-        let same_as = match code {
-            900_913 | 3785 | 41_001 | 102_100 | 102_113 => 3857,
-            54_004 => 3395,
-            54_001 | 54_002 => 32_662,
-            other => other,
-        };
-        let known = Self::of(&proj_core::lookup_epsg(same_as)?).ok()?;
+        let known = Self::of(&proj_core::lookup_epsg(same_as(code))?).ok()?;
         Some(Self { epsg: Some(code), ..known })
     }
 
@@ -88,6 +82,23 @@ impl Crs {
     pub fn local(metres: f64) -> Result<Self> {
         positive(metres)?;
         Ok(Self { map: Map::Local(metres), ..Self::UNKNOWN })
+    }
+
+    /// A projected system of a known projection, on the ellipsoid of `base`.
+    ///
+    /// # Errors
+    /// When the unit is not positive and finite.
+    pub(in crate::dem) fn projected(method: ProjectionMethod, metres: f64, base: &Self) -> Result<Self> {
+        positive(metres)?;
+        let Self { ellipsoid, datum, .. } = *base;
+        let base = base.epsg.unwrap_or(base.base);
+        Ok(Self { ellipsoid, datum, base, map: Map::Projected(Some(method), metres), ..Self::UNKNOWN })
+    }
+
+    /// Metres in a unit of the heights of a vertical system; `None` when the table does not have its EPSG code.
+    #[must_use]
+    pub fn metres_per_height(vertical_epsg: u32) -> Option<f64> {
+        proj_core::lookup_vertical_epsg(vertical_epsg).map(|v| v.linear_unit_to_meter())
     }
 
     /// A projected system of which nothing is known but its unit.
@@ -160,6 +171,11 @@ impl Crs {
     #[must_use]
     pub fn epsg(&self) -> Option<u32> {
         self.epsg
+    }
+
+    /// EPSG code of the geographic system below it.
+    pub(in crate::dem) fn base_epsg(&self) -> Option<u32> {
+        (self.base != 0).then_some(self.base)
     }
 
     /// EPSG's name; empty for a system without a code.
@@ -236,7 +252,7 @@ impl Crs {
     }
 
     /// Its projection, when it can be undone.
-    pub(super) fn method(&self) -> Option<ProjectionMethod> {
+    pub(in crate::dem) fn method(&self) -> Option<ProjectionMethod> {
         match self.map {
             Map::Projected(method, _) => method,
             _ => None,
@@ -266,6 +282,16 @@ impl Crs {
         let shape = proj_core::Ellipsoid::from_a_f(semi_major, flattening).ok()?;
         let datum = Datum::new(shape, DatumToWgs84::Unknown).ok()?.with_epsg(self.datum);
         Some(CrsDef::Geographic(GeographicCrsDef::new(self.base, datum, "")))
+    }
+}
+
+/// EPSG's own code for one of Esri's that files use like EPSG's.
+pub(in crate::dem) const fn same_as(code: u32) -> u32 {
+    match code {
+        900_913 | 3785 | 41_001 | 102_100 | 102_113 => 3857,
+        54_004 => 3395,
+        54_001 => 4087,
+        other => other,
     }
 }
 

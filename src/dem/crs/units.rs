@@ -85,7 +85,6 @@ pub fn vertical_unit(name: &str) -> Option<f64> {
 }
 
 /// The EPSG code of a unit of so many metres.
-#[expect(dead_code, reason = "GeoTIFF is to write it")]
 pub(in crate::dem) fn unit_code(metres: f64) -> Option<u16> {
     nearest(metres).map(|(code, ..)| code)
 }
