@@ -17,7 +17,7 @@ use super::rows::{Key, ScoreRow, ScoreTable, csv_lines};
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
 use crate::file;
-use crate::machine;
+use crate::machine::{self, VECTOR_VARIABLE, VectorLevel};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -47,6 +47,8 @@ pub struct MachineInfo {
     pub cores: usize,
     /// Memory of the machine, MB.
     pub memory_mb: u64,
+    /// Vector instructions of the kernels (`scalar`, `avx2`, `avx512`); empty in records from before they could be chosen.
+    pub vector: String,
     /// One entry each time the run was started or continued.
     pub session: Vec<Session>,
 }
@@ -119,6 +121,7 @@ impl MachineInfo {
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             cores: machine::cores().unwrap_or_default(),
             memory_mb: machine::total_memory().unwrap_or_default() / 1_000_000,
+            vector: VectorLevel::chosen().map(|level| level.name().to_owned()).unwrap_or_default(),
             session: Vec::new(),
         }
     }
@@ -177,6 +180,14 @@ impl Record {
                     here.revision
                 );
                 return Err(Error::file(&self.path("machine.toml"), "revision", machine.revision, allowed));
+            }
+            if machine.vector != here.vector {
+                let allowed = format!(
+                    "this run would use {:?} ({VECTOR_VARIABLE}), and one record does not mix two: choose the record's, or add \
+                     --restart to begin anew",
+                    here.vector
+                );
+                return Err(Error::file(&self.path("machine.toml"), "vector", machine.vector, allowed));
             }
             file::write_bytes(&path, spec.to_toml().as_bytes())?;
             return Ok(machine);

@@ -146,8 +146,10 @@ impl Page<'_> {
         let (spec, failed) = (self.spec, self.table.rows.iter().filter(|row| !row.error.is_empty()).count());
         let seeds: Vec<String> = spec.seeds.iter().map(u64::to_string).collect();
         let revision = if machine.revision.is_empty() { "unknown" } else { &machine.revision };
+        let vector =
+            if machine.vector.is_empty() { String::new() } else { format!(", vectors {}", machine.vector) };
         format!(
-            "{} areas, seeds {}, {} rows of which {failed} failed. monadnock {}, revision {revision}; {}, {} cores, {} MB.",
+            "{} areas, seeds {}, {} rows of which {failed} failed. monadnock {}, revision {revision}; {}, {} cores, {} MB{vector}.",
             spec.area.len(),
             seeds.join(", "),
             self.table.rows.len(),
