@@ -8,6 +8,7 @@ use monadnock::experiment::resolve::{Terrain, resolve};
 use monadnock::experiment::run::{Event, RunOptions, run};
 use monadnock::experiment::spec::{DetailSpec, Kind};
 use monadnock::experiment::{ExperimentSpec, bounds, markdown, report};
+use monadnock::machine::VectorLevel;
 use monadnock::systems::singan::DetailConfig;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -278,6 +279,19 @@ fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
     reworded.spec.bound.clear();
     run(&reworded, &options(&at("b"), 1), &|_| {}).unwrap();
     assert_eq!(Record::new(&at("b")).spec().unwrap().analysis, "Now it is clear.");
+    // Nor do two levels of vector instructions.
+    let level = VectorLevel::chosen().unwrap().name().to_owned();
+    let mut machine = Record::new(&at("b")).machine().unwrap();
+    assert_eq!(machine.vector, level);
+    machine.vector = "another".into();
+    Record::new(&at("b")).write_machine(&machine).unwrap();
+    let message = run(&reworded, &options(&at("b"), 1), &|_| {}).unwrap_err().to_string();
+    assert!(
+        message.contains("another") && message.contains(&level) && message.contains("--restart"),
+        "{message}"
+    );
+    machine.vector = level;
+    Record::new(&at("b")).write_machine(&machine).unwrap();
     // A damaged journal is not passed over.
     fs::write(at("b/journal.csv"), "one,sierra,many\n").unwrap();
     assert!(

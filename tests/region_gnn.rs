@@ -293,12 +293,17 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
 fn a_budget_ends_the_training_in_time_with_the_schedule_run_down() {
     let mut config = brief(Preset::Anchored, 1_000_000);
     config.model.extractions = 1;
-    let mut ignore = |_: &EpochReport| ();
+    let (mut before, mut longest) = (0.0, 0.0f64);
+    let mut slowest = |report: &EpochReport| {
+        longest = longest.max(report.seconds - before);
+        before = report.seconds;
+    };
     let budget = Some(Duration::from_secs(4));
-    let control = Control { progress: &mut ignore, budget, checkpoints: None };
+    let control = Control { progress: &mut slowest, budget, checkpoints: None };
     let style = learn_with(&source(160, 200), &config, Seed(1), control).unwrap();
     let t = &style.info.training;
-    assert!(t.epochs > 1 && t.seconds < 4.0, "{} epochs in {} s", t.epochs, t.seconds);
+    // An epoch may last long when the machine has other work: of a million, none but the last one passes the budget.
+    assert!(t.epochs > 1 && t.seconds < 4.0 + longest, "{} epochs in {} s", t.epochs, t.seconds);
     assert_eq!(style.info.config.model.epochs, t.epochs);
     let (first, last) = (t.history[0].losses, t.history[t.history.len() - 1].losses);
     assert!(last.ground_truth < first.ground_truth);

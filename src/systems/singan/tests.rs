@@ -116,7 +116,10 @@ fn detail_does_not_depend_on_elevation_or_unit() {
     }
 }
 
-/// With less variety terrain from noise is nearer to the exemplar, in either view and wherever it lies in a larger map.
+/// With less variety terrain from noise is nearer to the exemplar, in either view and wherever it lies in a larger map: the mean of
+/// six drawings, since single ones differ by half from each other.
+///
+/// SPREAD
 #[test]
 fn variety_says_how_much_of_the_layout_is_new() {
     let heights = ground(40);
@@ -124,9 +127,9 @@ fn variety_says_how_much_of_the_layout_is_new() {
     let published = DetailConfig { coarsest: 16, fine_width: 32, steps: 50, ..DetailConfig::paper() };
     for config in [ours, published] {
         let detail = train(&heights, &[], &config, Seed(1), |_| {}).unwrap();
-        let error = |side: usize, variety: f32| {
+        let error = |side: usize, variety: f32, seed: u64| {
             let what = SampleUse { rows: side, cols: side, variety };
-            let map = detail.sample(&what, Seed(3)).unwrap();
+            let map = detail.sample(&what, Seed(seed)).unwrap();
             let middle = map.crop(Cell::new((side - 40) / 2, (side - 40) / 2), 40, 40).unwrap();
             let level = |map: &Grid<f32>| map.as_slice().iter().sum::<f32>() / map.len() as f32;
             let base = level(&middle) - level(&heights);
@@ -134,8 +137,10 @@ fn variety_says_how_much_of_the_layout_is_new() {
             pairs.map(|(a, b)| f64::from(a - b - base).powi(2)).sum::<f64>().sqrt()
         };
         for side in [40, 72] {
-            let [none, some, all] = [0.0, 0.5, 1.0].map(|variety| error(side, variety));
-            assert!(none < some && none < 0.8 * all, "{:?}, {side}: {none} {some} {all}", config.view);
+            let mean = |variety| (3..9).map(|seed| error(side, variety, seed)).sum::<f64>() / 6.0;
+            let [none, some, all] = [0.0, 0.5, 1.0].map(mean);
+            let what = format!("{:?}, {side}: {none} {some} {all}", config.view);
+            assert!(none < 0.9 * some && some < 0.9 * all, "{what}");
         }
     }
 }

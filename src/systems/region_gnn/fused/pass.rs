@@ -131,7 +131,9 @@ impl Pass {
             let partials: Vec<RegionPartial> = tasks(pixels)
                 .into_par_iter()
                 .zip(rooms(given.edges, &mut round.region_logits))
-                .map(|(pixels, logits)| machine::arch().dispatch(to_regions::Forward { inputs, pixels, logits }))
+                .map(|(pixels, logits)| {
+                    machine::arch().dispatch(to_regions::Forward { inputs, pixels, logits })
+                })
                 .collect();
             RegionPartial::merge(&partials, h, &mut round.region_means, &mut round.region_log_sums);
             round.region_sums = self.gathered(given, to_regions, &round.regions, &round.region_means);

@@ -1,6 +1,5 @@
 //! Dense algebra on a few hundred rows: regions, embeddings, the three first states; compiled for every instruction set.
 
-
 use crate::machine;
 
 const NORM_EPSILON: f32 = 1e-5;
