@@ -140,7 +140,7 @@ fn variety_says_how_much_of_the_layout_is_new() {
             let mean = |variety| (3..9).map(|seed| error(side, variety, seed)).sum::<f64>() / 6.0;
             let [none, some, all] = [0.0, 0.5, 1.0].map(mean);
             let what = format!("{:?}, {side}: {none} {some} {all}", config.view);
-            assert!(none < 0.9 * some && some < 0.9 * all, "{what}");
+            assert!(none < 0.8 * all && none < some && some < 0.9 * all, "{what}");
         }
     }
 }
