@@ -15,12 +15,16 @@
 #[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
 mod direct;
 mod finish;
+#[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
+mod general;
+mod kernel;
 mod op;
 mod plane;
 #[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
 mod winograd;
 
 pub use finish::Finish;
+pub use kernel::Kernel;
 pub use op::convolve3;
 pub use plane::{Image, Plane};
 

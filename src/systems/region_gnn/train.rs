@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::{Grid, Mask};
 use crate::interpolation::harmonic;
-use crate::learn::{Adam, Checkpoints, Schedule, in_pool};
+use crate::learn::{Adam, Checkpoints, Decay, Schedule, in_pool};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};
@@ -222,7 +222,7 @@ pub fn train(
     let (begun, spent) = (Instant::now(), progress.seconds);
     let elapsed = || spent + begun.elapsed().as_secs_f64();
     let budget = control.budget.map(|b| b.as_secs_f64() - preparation_seconds);
-    let schedule = Schedule { peak: config.learning_rate, steps: config.epochs, warm_up: 0.03, floor: 0.01 };
+    let schedule = Schedule { peak: config.learning_rate, steps: config.epochs, warm_up: 0.03, decay: Decay::Cosine { floor: 0.01 } };
     let spare = Spare::default();
     let draw = |epoch: usize| {
         let seed = seed.derive_indexed("epoch", epoch);
