@@ -9,6 +9,7 @@ pub mod layers;
 mod optim;
 mod param_store;
 mod pool;
+mod ssim;
 mod vector_math;
 
 pub use checkpoints::{Checkpoints, Numbers, Resumable};
@@ -16,4 +17,5 @@ pub use contiguous::contiguous_f32;
 pub use optim::{Adam, Average, Decay, Schedule};
 pub use param_store::ParamStore;
 pub use pool::in_pool;
+pub use ssim::SsimLoss;
 pub use vector_math::{exp, ln, sin_cos_quarter_turns, tanh};

@@ -90,6 +90,8 @@ struct Sums<'a> {
     step: usize,
     /// Output cells from one output of a phase to the next.
     out_step: usize,
+    /// Cells of the whole output that lie outside on each side.
+    crop: usize,
     phases: Vec<Phase>,
     groups: Groups,
     finish: Finish<'a>,
@@ -133,20 +135,25 @@ impl WithSimd for Task<'_> {
 impl Task<'_> {
     #[inline(always)]
     fn run<S: Simd, const R: usize, const P: usize>(self, simd: S) {
-        let Sums { input, step, out_step, ref phases, groups, finish } = *self.sums;
+        let Sums { input, step, out_step, crop, ref phases, groups, finish } = *self.sums;
         let mut scratch = vec![0.0; self.cols * groups.count * groups.width];
         for row in 0..self.values.len() / self.row_length {
             let (y, out) = (self.first + row, &mut self.values[row * self.row_length..][..self.row_length]);
             for first in 0..out_step.min(self.cols) {
-                let phase = &phases[y % out_step * out_step + first];
+                let phase = &phases[(y + crop) % out_step * out_step + (first + crop) % out_step];
                 let width = (self.cols - first).div_ceil(out_step);
                 let weights: &[S::f32s] = cast_slice(&phase.weights);
                 let group_size = phase.taps.len() * input.channels * R;
                 for group in 0..groups.count {
                     let weights = &weights[group * group_size..][..group_size];
                     let sums = cast_slice_mut(&mut scratch);
-                    let at =
-                        Place { y: y / out_step * step, step, stride: groups.count * R, first: group * R };
+                    let at = Place {
+                        y: (y + crop) / out_step * step,
+                        x: (first + crop) / out_step * step,
+                        step,
+                        stride: groups.count * R,
+                        first: group * R,
+                    };
                     let mut x = 0;
                     while x + P <= width {
                         tile::<S, R, P>(simd, input, &phase.taps, weights, sums, at, x);
@@ -175,8 +182,9 @@ impl Task<'_> {
 /// Where a row of tiles lies.
 #[derive(Clone, Copy)]
 struct Place {
-    /// Input row of the first tap.
+    /// Input row and column of the first tap of the first pixel.
     y: usize,
+    x: usize,
     /// Input cells from one pixel to the next.
     step: usize,
     /// Registers of a pixel of the sums, and the first of the group.
@@ -198,7 +206,7 @@ fn tile<S: Simd, const R: usize, const P: usize>(
     let channels = input.channels;
     let mut sums = [[simd.splat_f32s(0.0); R]; P];
     for (&(dy, dx), weights) in taps.iter().zip(weights.chunks_exact(channels * R)) {
-        let start = ((at.y + dy) * input.cols + x * at.step + dx) * channels;
+        let start = ((at.y + dy) * input.cols + at.x + x * at.step + dx) * channels;
         let mut pixels: [&[f32]; P] = [&[]; P];
         for p in 0..P {
             pixels[p] = &input.values[start + p * at.step * channels..][..channels];
@@ -252,13 +260,15 @@ pub(super) fn forward(
     let groups = Groups::of(out_channels);
     let weight = |tap: usize, c: usize, o: usize| weights[(tap * channels + c) * out_channels + o];
     let phases = vec![Phase::new(taps, channels, groups, weight)];
-    Sums { input, step: stride, out_step: 1, phases, groups, finish }.write(out);
+    Sums { input, step: stride, out_step: 1, crop: 0, phases, groups, finish }.write(out);
 }
 
-/// The gradient of the image from that of the output, `delta`, in a frame of [`super::frame_of`].
+/// The gradient of the image from that of the output, `delta`, in the frame of the way back, without `crop` cells on each side.
+#[allow(clippy::too_many_arguments, reason = "a convolution and what follows it")]
 pub(super) fn input_gradient(
     side: usize,
     stride: usize,
+    crop: usize,
     delta: &Plane,
     weights: &[f32],
     out: &mut Plane,
@@ -279,7 +289,7 @@ pub(super) fn input_gradient(
         })
     };
     let phases = (0..stride * stride).map(phase).collect();
-    Sums { input: delta.into(), step: 1, out_step: stride, phases, groups, finish }.write(out);
+    Sums { input: delta.into(), step: 1, out_step: stride, crop, phases, groups, finish }.write(out);
 }
 
 /// Adds the weights' gradient.

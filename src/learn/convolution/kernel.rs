@@ -95,7 +95,40 @@ impl Kernel {
         assert_eq!(delta.border(), self.frame(), "the frame of the way back");
         assert_eq!(weights.len(), self.side * self.side * channels * out_channels, "weights of every tap");
         check_finish(finish, out);
-        general::input_gradient(self.side, self.stride, delta, weights, out, finish);
+        general::input_gradient(self.side, self.stride, 0, delta, weights, out, finish);
+    }
+
+    /// The transposed convolution: what [`input_gradient`](Self::input_gradient) gives of an image in its
+    /// [frame](Self::frame), without `crop` cells on each side. Weights are (taps, output channels, input channels).
+    ///
+    /// # Panics
+    /// When shapes do not fit.
+    pub fn transpose(
+        &self,
+        input: &Plane,
+        weights: &[f32],
+        crop: usize,
+        out: &mut Plane,
+        finish: Finish<'_>,
+    ) {
+        let size = [input.rows(), input.cols()].map(|n| self.transposed_outputs(n, crop));
+        assert_eq!(size, [out.rows(), out.cols()], "the output's size");
+        assert_eq!(input.border(), self.frame(), "the frame of the way back");
+        let channels = input.channels() * out.channels();
+        assert_eq!(weights.len(), self.side * self.side * channels, "weights of every tap");
+        check_finish(finish, out);
+        general::input_gradient(self.side, self.stride, crop, input, weights, out, finish);
+    }
+
+    /// Cells of a transposed convolution's side.
+    ///
+    /// # Panics
+    /// When nothing is left.
+    #[must_use]
+    pub const fn transposed_outputs(self, inputs: usize, crop: usize) -> usize {
+        let whole = (inputs - 1) * self.stride + self.side;
+        assert!(whole > 2 * crop, "something is left of the output");
+        whole - 2 * crop
     }
 
     /// Adds the weights' gradient: over all output pixels, input x `delta`, in a frame of any width.

@@ -152,7 +152,7 @@ fn fast_ways_equal_the_direct_sum() {
             let by = values(13 * 20 * channels, 4);
             let finish = Finish::Damp { by: &by, leak: 0.3 };
             convolve(&fast, &turned(&weights, channels, out_channels), &mut a, finish);
-            general::input_gradient(3, 1, &fast, &weights, &mut b, finish);
+            general::input_gradient(3, 1, 0, &fast, &weights, &mut b, finish);
             assert_close("input", a.values(), b.values(), 1e-5);
         }
     }

@@ -9,7 +9,9 @@
 //! is still in the cache, and the activation's derivative is read off its output.
 
 mod norm;
+mod planes;
 mod resample;
+mod slot;
 mod spectral;
 mod tape;
 
@@ -101,6 +103,10 @@ pub struct Conv {
     pub channels: usize,
     /// What stands around the input.
     pub padding: Padding,
+    /// Whether it is a transposed convolution: a stride of 2 then enlarges. The padding, valid or zero, is what is cut off the
+    /// output (as in PyTorch: 4 cells, stride 2 and a padding of 1 double the sides), and weights are (taps, output channels,
+    /// input channels). It leaves a checkerboard where [`Net::resample`] before a convolution leaves none.
+    pub transposed: bool,
     /// Normalisation before the activation; the bias is then the offset after it.
     pub norm: Option<Norm>,
     /// What follows. Curved ones are not for normalised layers.
@@ -111,7 +117,15 @@ impl Conv {
     /// A valid convolution with stride 1 and nothing after it.
     #[must_use]
     pub const fn new(side: usize, channels: usize) -> Self {
-        Self { side, stride: 1, channels, padding: Padding::Valid, norm: None, activation: Activation::None }
+        Self {
+            side,
+            stride: 1,
+            channels,
+            padding: Padding::Valid,
+            transposed: false,
+            norm: None,
+            activation: Activation::None,
+        }
     }
 }
 
@@ -201,6 +215,10 @@ impl Net {
         if conv.norm.is_some() && conv.activation.is_curved() {
             let allowed = "allowed after a normalisation: none, leaky";
             return Err(Error::value("activation", format!("{:?}", conv.activation), allowed));
+        }
+        if conv.transposed && !matches!(conv.padding, Padding::Valid | Padding::Zero(_)) {
+            let allowed = "allowed for a transposed convolution: valid, zero";
+            return Err(Error::value("padding", format!("{:?}", conv.padding), allowed));
         }
         let weights = conv.side * conv.side * self.layers[from.0].channels * channels;
         let gains = if conv.norm.is_some() { channels } else { 0 };
@@ -339,6 +357,9 @@ impl Net {
     }
 
     /// The same function with running moments folded into weights and biases: no batch normalisation left.
+    ///
+    /// # Panics
+    /// When moments or values are not those of the net.
     #[must_use]
     pub fn folded(&self, values: &[f32], running: &[Moments]) -> (Self, Vec<f32>) {
         let (mut net, mut folded, mut running) = (Self::new(), Vec::new(), running.iter());
@@ -349,7 +370,13 @@ impl Net {
                 conv.norm = None;
                 let moments = running.next().expect("moments of every batch normalisation");
                 let scale: Vec<f32> = gains.iter().zip(moments.scales()).map(|(g, s)| g * s).collect();
-                folded.extend(weights.iter().enumerate().map(|(i, w)| w * scale[i % layer.channels]));
+                // The output's channels come last, or before the input's.
+                let inner = if conv.transposed {
+                    weights.len() / (conv.side * conv.side * layer.channels)
+                } else {
+                    1
+                };
+                folded.extend(weights.iter().enumerate().map(|(i, w)| w * scale[i / inner % layer.channels]));
                 folded.extend((0..layer.channels).map(|c| biases[c] - scale[c] * moments.mean[c]));
                 net.push(kind, layer.channels, [weights.len(), biases.len(), 0], &[]);
             } else {

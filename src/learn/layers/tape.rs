@@ -1,12 +1,15 @@
 //! The buffers and passes of a [`Net`] over images of one size.
 
-use super::norm::{self, Affine, Moments, Projection, Unit, channel_sums, inner_rows};
+use super::norm::{self, Affine, Moments, Unit, channel_sums};
+use super::planes::{
+    add, add_two, bend, bend_tangent, damp, drop_some, fill_frames, flat, join, part, unflatten,
+};
 use super::resample::{Axis, Padding, Resampler};
-use super::{Activation, Conv, Kind, LayerId, Net, Size};
+use super::slot::{Slot, Way};
+use super::{Activation, Kind, LayerId, Net, Size};
 use crate::learn::convolution::{Finish, Kernel, Plane};
 use crate::seed::Stream;
 use rand::RngExt;
-use rayon::prelude::*;
 
 /// A single convolution of one cell, which a dense layer is.
 const DOT: Kernel = Kernel::DOT;
@@ -16,45 +19,6 @@ pub struct Tape {
     net: Net,
     images: usize,
     slots: Vec<Slot>,
-}
-
-/// The buffers of a layer; one plane an image.
-#[derive(Default)]
-struct Slot {
-    /// After the activation.
-    value: Vec<Plane>,
-    /// Gradients of what the layer's own sum gave (of the value, for layers without one), in the frame that the way back needs.
-    delta: Vec<Plane>,
-    /// The linear map of a resampling, or of a convolution's frame, and what a framed convolution reads.
-    map: Option<Resampler>,
-    framed: Vec<Plane>,
-    /// Normalised values before gain and offset, their gradients, and the reciprocal deviations of each set of images.
-    unit: Vec<Plane>,
-    unit_delta: Vec<Plane>,
-    scales: Vec<Vec<f32>>,
-    /// Factors of a dropout.
-    kept: Vec<Vec<f32>>,
-    pair: Pair,
-}
-
-/// The buffers that a tangent needs beside, made when it is first asked for.
-#[derive(Default)]
-struct Pair {
-    tangent: Vec<Plane>,
-    framed: Vec<Plane>,
-    /// Tangents of unit values, or before a curved activation.
-    moved: Vec<Plane>,
-    projections: Vec<Projection>,
-    /// Gradients through the values, as `delta`.
-    mu: Vec<Plane>,
-    scratch: Vec<Plane>,
-}
-
-/// Whose gradients a pass back carries: the output's, or those that a tangent leaves in the values.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
-    Output,
-    Tangent,
 }
 
 impl Tape {
@@ -75,13 +39,18 @@ impl Tape {
                 Kind::Input => inputs.next().expect("a size for each input"),
                 Kind::Conv { from, conv, kernel } => {
                     let (rows, cols) = shape(*from);
-                    frame = kernel.frame();
                     let pad = conv.padding;
-                    if pad != Padding::Valid {
-                        map = Some(Resampler::new(Axis::padding(pad, rows), Axis::padding(pad, cols)));
+                    if conv.transposed {
+                        frame = pad.width();
+                        [rows, cols].map(|n| kernel.transposed_outputs(n, frame)).into()
+                    } else {
+                        frame = kernel.frame();
+                        if pad != Padding::Valid {
+                            map = Some(Resampler::new(Axis::padding(pad, rows), Axis::padding(pad, cols)));
+                        }
+                        let width = 2 * pad.width();
+                        (kernel.outputs(rows + width), kernel.outputs(cols + width))
                     }
-                    let width = 2 * pad.width();
-                    (kernel.outputs(rows + width), kernel.outputs(cols + width))
                 }
                 Kind::Dense { from, inputs, shape: made, .. } => {
                     let (rows, cols) = shape(*from);
@@ -114,11 +83,14 @@ impl Tape {
                 delta: planes(layer.channels, frame),
                 ..Slot::default()
             };
-            if let Kind::Conv { from, conv, .. } = &layer.kind {
-                if let Some(map) = &map {
-                    let (rows, cols) = map.shape();
-                    let channels = net.layers[*from].channels;
-                    slot.framed = (0..images).map(|_| Plane::zeros(rows, cols, channels, 0)).collect();
+            if let Kind::Conv { from, conv, kernel } = &layer.kind {
+                let channels = net.layers[*from].channels;
+                let framed = match &map {
+                    Some(map) => Some((map.shape(), 0)),
+                    None => conv.transposed.then(|| (shape(*from), kernel.frame())),
+                };
+                if let Some(((rows, cols), border)) = framed {
+                    slot.framed = (0..images).map(|_| Plane::zeros(rows, cols, channels, border)).collect();
                 }
                 if conv.norm.is_some() {
                     (slot.unit, slot.unit_delta) = (planes(layer.channels, 0), planes(layer.channels, 0));
@@ -217,17 +189,17 @@ impl Tape {
                 Kind::Input => {}
                 Kind::Conv { from, conv, kernel } => {
                     slot.read(&below[*from].value);
-                    let inputs = if slot.map.is_some() { &slot.framed } else { &below[*from].value };
+                    let inputs = if slot.framed.is_empty() { &below[*from].value } else { &slot.framed };
                     let leak = conv.activation.leak();
                     let Some(norm) = conv.norm else {
                         for (input, value) in inputs.iter().zip(&mut slot.value) {
-                            kernel.convolve(input, weights, value, Finish::Activate { bias, leak });
+                            conv.sum(kernel, input, weights, value, Finish::Activate { bias, leak });
                         }
                         bend(conv.activation, &mut slot.value);
                         continue;
                     };
                     for (input, unit) in inputs.iter().zip(&mut slot.unit) {
-                        kernel.convolve(input, weights, unit, Finish::Store);
+                        conv.sum(kernel, input, weights, unit, Finish::Store);
                     }
                     slot.scales.clear();
                     for set in norm.sets(self.images) {
@@ -312,7 +284,7 @@ impl Tape {
                             add(&mut gradient[biases], &channel_sums(grads));
                         }
                         for (input, grad) in read.iter().zip(grads) {
-                            kernel.add_weight_gradient(input, grad, &mut gradient[weights.clone()]);
+                            conv.add_weight_gradient(kernel, input, grad, &mut gradient[weights.clone()]);
                         }
                     }
                     if !inputs && self.net.layers[*from].kind == Kind::Input {
@@ -322,7 +294,8 @@ impl Tape {
                     let there = state[*from].is_some();
                     let alone = self.net.layers[*from].readers == 1;
                     let before = self.net.layers[*from].kind.activation();
-                    let done = slot.back_into(way, kernel, weights, &mut below[*from], there, alone, before);
+                    let sum = (conv, kernel, weights);
+                    let done = slot.back_into(way, sum, &mut below[*from], there, alone, before);
                     state[*from] = Some(done);
                 }
                 Kind::Dense { from, .. } => {
@@ -392,6 +365,9 @@ impl Tape {
     ///
     /// The output's own is left out where [`add_tangent_gradient`](Self::add_tangent_gradient) does not need it: where
     /// it is not curved.
+    ///
+    /// # Panics
+    /// When the values are not those of the net.
     pub fn tangent(&mut self, values: &[f32]) {
         self.prepare_pair();
         let last = self.net.layers.len() - 1;
@@ -406,12 +382,8 @@ impl Tape {
                 Kind::Input => {}
                 Kind::Conv { from, conv, kernel } => {
                     let from = &below[*from].pair.tangent;
-                    if let Some(map) = map {
-                        for (from, to) in from.iter().zip(&mut pair.framed) {
-                            map.forward(from, to);
-                        }
-                    }
-                    let inputs = if map.is_some() { &pair.framed } else { from };
+                    fill_frames(map.as_ref(), from, &mut pair.framed);
+                    let inputs = if pair.framed.is_empty() { from } else { &pair.framed };
                     if !layer.kind.is_curved() {
                         let all = inputs.iter().zip(value.iter()).zip(&mut pair.tangent);
                         for ((input, value), tangent) in all {
@@ -419,12 +391,12 @@ impl Tape {
                                 Activation::Leaky(leak) => Finish::Damp { by: value.values(), leak },
                                 _ => Finish::Store,
                             };
-                            kernel.convolve(input, weights, tangent, finish);
+                            conv.sum(kernel, input, weights, tangent, finish);
                         }
                         continue;
                     }
                     for (input, moved) in inputs.iter().zip(&mut pair.moved) {
-                        kernel.convolve(input, weights, moved, Finish::Store);
+                        conv.sum(kernel, input, weights, moved, Finish::Store);
                     }
                     let Some(norm) = conv.norm else {
                         bend_tangent(conv.activation, value, &pair.moved, &mut pair.tangent);
@@ -475,11 +447,11 @@ impl Tape {
             let (below, rest) = self.slots.split_at_mut(i);
             let (slot, weights) = (&rest[0], &mut gradient[layer.places[0].clone()]);
             match &layer.kind {
-                Kind::Conv { from, kernel, .. } => {
-                    let framed = slot.map.is_some();
+                Kind::Conv { from, conv, kernel } => {
+                    let framed = !slot.framed.is_empty();
                     let inputs = if framed { &slot.pair.framed } else { &below[*from].pair.tangent };
                     for (input, delta) in inputs.iter().zip(&slot.delta) {
-                        kernel.add_weight_gradient(input, delta, weights);
+                        conv.add_weight_gradient(kernel, input, delta, weights);
                     }
                 }
                 Kind::Dense { from, .. } => {
@@ -493,232 +465,4 @@ impl Tape {
             self.back(Way::Tangent, values, Some(gradient), false);
         }
     }
-}
-
-impl Kind {
-    pub(super) const fn activation(&self) -> Activation {
-        match self {
-            Self::Conv { conv, .. } => conv.activation,
-            Self::Dense { activation, .. } => *activation,
-            _ => Activation::None,
-        }
-    }
-
-    /// Whether a tangent through it depends on the values beyond kinks.
-    const fn is_curved(&self) -> bool {
-        self.activation().is_curved() || matches!(self, Self::Conv { conv, .. } if conv.norm.is_some())
-    }
-}
-
-impl Slot {
-    fn read(&mut self, from: &[Plane]) {
-        if let Some(map) = &self.map {
-            for (from, to) in from.iter().zip(&mut self.framed) {
-                map.forward(from, to);
-            }
-        }
-    }
-
-    fn gradients(&mut self, way: Way) -> &mut Vec<Plane> {
-        match way {
-            Way::Output => &mut self.delta,
-            Way::Tangent => &mut self.pair.mu,
-        }
-    }
-
-    fn read_and_gradients<'a>(&'a self, way: Way, from: &'a [Plane]) -> (&'a [Plane], &'a [Plane]) {
-        let read = if self.map.is_some() { &self.framed } else { from };
-        (read, if way == Way::Output { &self.delta } else { &self.pair.mu })
-    }
-
-    fn map_and_gradients(&self, way: Way) -> (&Resampler, &[Plane]) {
-        let map = self.map.as_ref().expect("the map of a resampling");
-        (map, if way == Way::Output { &self.delta } else { &self.pair.mu })
-    }
-
-    fn kept_and_gradients(&self, way: Way) -> (&[Vec<f32>], &[Plane]) {
-        (&self.kept, if way == Way::Output { &self.delta } else { &self.pair.mu })
-    }
-
-    /// What the tangent of a curved activation says about the value before it.
-    fn bend_further(&mut self, activation: Activation) {
-        let Pair { mu, moved, .. } = &mut self.pair;
-        for (((mu, value), delta), moved) in mu.iter_mut().zip(&self.value).zip(&self.delta).zip(moved) {
-            inner_rows(mu).enumerate().for_each(|(row, mu)| {
-                let all = mu.iter_mut().zip(value.row(row)).zip(delta.row(row)).zip(moved.row(row));
-                for (((mu, y), d), moved) in all {
-                    *mu += d * moved * activation.curvature(*y);
-                }
-            });
-        }
-    }
-
-    fn back_through_norm(
-        &mut self,
-        way: Way,
-        conv: &Conv,
-        gains: &[f32],
-        images: usize,
-        mut add: impl FnMut(&norm::Sums),
-    ) {
-        let Some(norm) = conv.norm else { return };
-        for (set, scales) in norm.sets(images).zip(&self.scales) {
-            let unit = Unit { norm, values: &self.unit[set.clone()], scales, gains };
-            let w = &mut self.unit_delta[set.clone()];
-            let Pair { mu, moved, projections, scratch, .. } = &mut self.pair;
-            let number = if norm == norm::Norm::Batch { 0 } else { set.start };
-            add(&match way {
-                Way::Output => unit.backward(&mut self.delta[set], w),
-                Way::Tangent => {
-                    let (mu, scratch) = (&mut mu[set.clone()], &mut scratch[set.clone()]);
-                    unit.value_side(&moved[set], &projections[number], w, mu, scratch)
-                }
-            });
-        }
-    }
-
-    /// A convolution's gradient into the layer that it reads. `there`: other readers have left theirs; `alone`: there are none.
-    /// Whether what it leaves there is already that of what stood before the activation `before`.
-    #[allow(clippy::too_many_arguments, reason = "two layers and what is known of them")]
-    fn back_into(
-        &self,
-        way: Way,
-        kernel: &Kernel,
-        weights: &[f32],
-        from: &mut Self,
-        there: bool,
-        alone: bool,
-        before: Activation,
-    ) -> bool {
-        let grads = if way == Way::Output { &self.delta } else { &self.pair.mu };
-        let Slot { value, delta, pair, .. } = from;
-        let to = if way == Way::Output { delta } else { &mut pair.mu };
-        let direct = self.map.is_none() && !there;
-        let fused = direct && alone && !before.is_curved();
-        for (image, grad) in grads.iter().enumerate() {
-            let finish = match before {
-                Activation::Leaky(leak) if fused => Finish::Damp { by: value[image].values(), leak },
-                _ => Finish::Store,
-            };
-            if direct {
-                kernel.input_gradient(grad, weights, &mut to[image], finish);
-                continue;
-            }
-            let read = self.framed.get(image).unwrap_or(&value[image]);
-            let mut out = Plane::zeros(read.rows(), read.cols(), read.channels(), 0);
-            kernel.input_gradient(grad, weights, &mut out, Finish::Store);
-            match &self.map {
-                Some(map) => map.backward(&out, &mut to[image], there),
-                None => add_part(&out, 0, &mut to[image], there),
-            }
-        }
-        fused
-    }
-}
-
-/// Images as rows of values.
-fn flat(planes: &[Plane]) -> Plane {
-    let length = planes[0].rows() * planes[0].cols() * planes[0].channels();
-    let mut values = Vec::with_capacity(planes.len() * length);
-    for plane in planes {
-        (0..plane.rows()).for_each(|row| values.extend_from_slice(plane.row(row)));
-    }
-    Plane::from_values(planes.len(), 1, length, values)
-}
-
-/// Rows of values as images, in place of what is there or added to it.
-fn unflatten(from: &Plane, to: &mut [Plane], add: bool) {
-    for (image, to) in to.iter_mut().enumerate() {
-        let (values, length) = (from.row(image), to.cols() * to.channels());
-        for (row, values) in values.chunks_exact(length).enumerate() {
-            for (to, value) in to.row_mut(row).iter_mut().zip(values) {
-                *to = if add { *to + value } else { *value };
-            }
-        }
-    }
-}
-
-fn add_two(a: &[Plane], b: &[Plane], to: &mut [Plane]) {
-    for ((a, b), to) in a.iter().zip(b).zip(to) {
-        inner_rows(to).enumerate().for_each(|(row, to)| {
-            for ((to, a), b) in to.iter_mut().zip(a.row(row)).zip(b.row(row)) {
-                *to = a + b;
-            }
-        });
-    }
-}
-
-fn join(a: &[Plane], b: &[Plane], to: &mut [Plane]) {
-    for ((a, b), to) in a.iter().zip(b).zip(to) {
-        let (first, channels) = (a.channels(), to.channels());
-        inner_rows(to).enumerate().for_each(|(row, to)| {
-            let both = a.row(row).chunks_exact(first).zip(b.row(row).chunks_exact(channels - first));
-            for (to, (a, b)) in to.chunks_exact_mut(channels).zip(both) {
-                to[..first].copy_from_slice(a);
-                to[first..].copy_from_slice(b);
-            }
-        });
-    }
-}
-
-/// The channels of `from` from `at` on, in place of `to` or added to it.
-fn part(from: &[Plane], at: usize, to: &mut [Plane], add: bool) {
-    from.iter().zip(to).for_each(|(from, to)| add_part(from, at, to, add));
-}
-
-fn add_part(from: &Plane, at: usize, to: &mut Plane, add: bool) {
-    let (channels, wide) = (to.channels(), from.channels());
-    inner_rows(to).enumerate().for_each(|(row, to)| {
-        for (to, from) in to.chunks_exact_mut(channels).zip(from.row(row).chunks_exact(wide)) {
-            for (to, from) in to.iter_mut().zip(&from[at..]) {
-                *to = if add { *to + from } else { *from };
-            }
-        }
-    });
-}
-
-/// Values times the factors of a dropout; all of them where nothing was drawn.
-fn drop_some(from: &[Plane], kept: &[Vec<f32>], to: &mut [Plane], add: bool) {
-    for (image, (from, to)) in from.iter().zip(to).enumerate() {
-        let length = from.cols() * from.channels();
-        let factors = kept.get(image);
-        inner_rows(to).enumerate().for_each(|(row, to)| {
-            for (i, (to, from)) in to.iter_mut().zip(from.row(row)).enumerate() {
-                let value = factors.map_or(*from, |factors| factors[row * length + i] * from);
-                *to = if add { *to + value } else { value };
-            }
-        });
-    }
-}
-
-/// A curved activation, in place.
-fn bend(activation: Activation, planes: &mut [Plane]) {
-    if activation.is_curved() {
-        for plane in planes {
-            inner_rows(plane).for_each(|row| row.iter_mut().for_each(|v| *v = activation.curved(*v)));
-        }
-    }
-}
-
-/// Gradients, or tangents, of an activation's output times its derivative.
-fn damp(activation: Activation, values: &[Plane], grads: &mut [Plane]) {
-    for (value, grad) in values.iter().zip(grads) {
-        inner_rows(grad).enumerate().for_each(|(row, grad)| {
-            grad.iter_mut().zip(value.row(row)).for_each(|(g, y)| *g *= activation.slope(*y));
-        });
-    }
-}
-
-fn bend_tangent(activation: Activation, values: &[Plane], moved: &[Plane], to: &mut [Plane]) {
-    for ((value, moved), to) in values.iter().zip(moved).zip(to) {
-        inner_rows(to).enumerate().for_each(|(row, to)| {
-            for ((to, m), y) in to.iter_mut().zip(moved.row(row)).zip(value.row(row)) {
-                *to = m * activation.slope(*y);
-            }
-        });
-    }
-}
-
-fn add(sum: &mut [f32], more: &[f32]) {
-    sum.iter_mut().zip(more).for_each(|(s, m)| *s += m);
 }

@@ -27,7 +27,7 @@ fn conv(
     norm: Option<Norm>,
     activation: Activation,
 ) -> Conv {
-    Conv { side, stride, channels, padding, norm, activation }
+    Conv { side, stride, channels, padding, transposed: false, norm, activation }
 }
 
 const LEAKY: Activation = Activation::Leaky(0.2);
@@ -74,9 +74,28 @@ fn strided(norm: Norm, images: usize) -> Case {
     Case { name: "strides", net, inputs: vec![(12, 7)], images }
 }
 
+/// The decoder of pix2pix: transposed convolutions, one of which reads a layer that others read too.
+fn transposed() -> Case {
+    let mut net = Net::new();
+    let x = net.input(5).unwrap();
+    let a = net.conv(x, conv(3, 2, 9, Padding::Valid, None, LEAKY)).unwrap();
+    let up = |side, channels, padding, norm, activation| Conv {
+        transposed: true,
+        ..conv(side, 2, channels, padding, norm, activation)
+    };
+    let b = net.conv(a, up(4, 20, Padding::Zero(1), Some(Norm::Batch), LEAKY)).unwrap();
+    let c = net.conv(a, up(4, 20, Padding::Zero(1), None, Activation::None)).unwrap();
+    let sum = net.add(b, c).unwrap();
+    let d = net.conv(sum, up(3, 4, Padding::Valid, None, LEAKY)).unwrap();
+    let same = Conv { stride: 1, ..up(3, 2, Padding::Zero(1), None, Activation::Tanh) };
+    net.conv(d, same).unwrap();
+    Case { name: "transposed", net, inputs: vec![(8, 7)], images: 2 }
+}
+
 fn cases() -> Vec<Case> {
     vec![
         with_skips(),
+        transposed(),
         plain(None),
         plain(Some(Norm::Batch)),
         strided(Norm::Batch, 3),
@@ -242,8 +261,16 @@ fn twin(case: &Case, values: &Tensor, inputs: &[Tensor], kept: &Tape) -> Tensor 
                 let x = padded(&done[*from], conv.padding);
                 let w =
                     part(weights).reshape((conv.side, conv.side, x.dim(1).unwrap(), layer.channels)).unwrap();
-                let w = w.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
-                let x = x.contiguous().unwrap().conv2d(&w, 0, conv.stride, 1, 1).unwrap();
+                let x = x.contiguous().unwrap();
+                let x = if conv.transposed {
+                    // (taps, output channels, input channels)
+                    let shape = (conv.side, conv.side, layer.channels, x.dim(1).unwrap());
+                    let w = w.reshape(shape).unwrap().permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
+                    x.conv_transpose2d(&w, conv.padding.width(), 0, conv.stride, 1).unwrap()
+                } else {
+                    let w = w.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
+                    x.conv2d(&w, 0, conv.stride, 1, 1).unwrap()
+                };
                 let x = match conv.norm {
                     Some(norm) => normalised(&x, norm).broadcast_mul(&per_channel(gains)).unwrap(),
                     None => x,
@@ -514,6 +541,8 @@ fn what_cannot_be_built_is_refused_by_name() {
     );
     let bent = Conv { norm: Some(Norm::Layer), activation: Activation::Tanh, ..Conv::new(3, 8) };
     assert!(message(net.conv(x, bent)).contains("Tanh"));
+    let mirrored = Conv { transposed: true, padding: Padding::Reflect(1), ..Conv::new(4, 8) };
+    assert!(message(net.conv(x, mirrored)).contains("Reflect(1)"));
     assert!(message(net.add(x, y)).contains("channels of a sum is 4"));
     assert!(message(net.dropout(x, 1.0)).contains("rate of dropout is 1"));
     assert!(message(net.resample(x, Resampling::Mean, Size::Over(0))).contains("factor"));

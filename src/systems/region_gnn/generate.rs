@@ -268,7 +268,12 @@ impl RegionGnn {
     ) -> Result<Tensor> {
         let embedding = Var::from_tensor(start)?;
         let mut adam = Adam::new(std::iter::once(&embedding));
-        let schedule = Schedule { peak: tuning.learning_rate, steps: tuning.steps, warm_up: 0.0, decay: Decay::Cosine { floor: 0.1 } };
+        let schedule = Schedule {
+            peak: tuning.learning_rate,
+            steps: tuning.steps,
+            warm_up: 0.0,
+            decay: Decay::Cosine { floor: 0.1 },
+        };
         let graph = &sketch.graph;
         let shape = graph.shape();
         let lines = graph.line_cells().iter().map(|&i| i as usize).zip(graph.line_heights());
