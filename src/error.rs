@@ -51,6 +51,9 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
+    /// The work was asked to end ([`Stop`](crate::control::Stop)); nothing was written.
+    #[error("stopped")]
+    Stopped,
     /// The tensor library failed (out of memory, or a bug of ours: shapes are checked before).
     #[error("tensor computation failed: {0}")]
     Tensor(#[from] candle_core::Error),

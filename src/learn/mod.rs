@@ -12,7 +12,7 @@ mod pool;
 mod ssim;
 mod vector_math;
 
-pub use checkpoints::{Checkpoints, Numbers, Resumable};
+pub use checkpoints::{Numbers, Resumable};
 pub use contiguous::contiguous_f32;
 pub use optim::{Adam, Average, Decay, Schedule};
 pub use param_store::ParamStore;

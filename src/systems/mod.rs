@@ -1,10 +1,8 @@
 //! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators and [`region_gnn`];
-//! [`singan`] (trained) and [`gpnn`] (the exemplar's own patches) add detail to what they make, and [`pipeline`] puts both together.
+//! [`singan`] (trained) and [`gpnn`] (the exemplar's own patches) add detail to what they make, and the room `style` puts both together.
 
 pub mod task;
 pub mod classical;
 pub mod region_gnn;
 pub mod singan;
 pub mod gpnn;
-pub mod pipeline;
-pub mod registry;

@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_covers_its_pixels_its_rim_is_dark_and_the_rest_is_untouched() {
+    fn a_line_covers_its_pixels_and_has_a_dark_rim() {
         let lines = sketch(vec![stroke(StrokeKind::Ridge, &[(4.0, 10.0, 1.0), (25.0, 10.0, 1.0)])]);
         let mut picture = Picture::filled(80, 120, GROUND);
         let style = LineStyle { width: 1.0, casing_width: 0.5, ..LineStyle::default() };

@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_to_the_sun_are_lighter_than_slopes_away_in_every_palette() {
+    fn slopes_to_the_sun_are_lighter_in_every_palette() {
         let roof = Grid::from_fn(20, 20, |c| -20.0 * (c.row as f32 + c.col as f32 - 19.0).abs());
         for palette in [Palette::Alpine, Palette::Arid, Palette::Lunar, Palette::Grey] {
             let picture = Relief::with_palette(palette).draw(&dem(roof.clone())).unwrap();
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn voids_are_hatched_cell_by_cell_and_touch_nothing_else() {
+    fn voids_are_hatched_and_touch_nothing_else() {
         let heights = hills(12, 12);
         let mut valid: Mask = heights.map(|_| true);
         for col in 4..9 {
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn automatic_exaggeration_reaches_its_target_and_is_shared_by_fixing() {
+    fn automatic_exaggeration_reaches_its_target() {
         let hills = dem(hills(40, 40));
         let Exaggeration::By(k) = Relief::default().fixed_for(&hills).exaggeration else {
             panic!("not fixed")

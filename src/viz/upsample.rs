@@ -113,7 +113,7 @@ mod tests {
     use approx::assert_abs_diff_eq;
 
     #[test]
-    fn a_plane_stays_a_plane_inside_and_odd_factors_keep_every_cell() {
+    fn planes_stay_planes_and_odd_factors_keep_cells() {
         let grid = Grid::from_fn(6, 8, |c| 2.0 * c.row as f32 - 3.0 * c.col as f32);
         let valid = grid.map(|_| true);
         let large = upsample(&grid, &valid, 3);

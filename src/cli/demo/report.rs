@@ -199,11 +199,12 @@ fn palette(name: &str) -> Palette {
 }
 
 fn curves(s: &Trained) -> Result<Svg> {
-    let history = &s.style.info.training.history;
-    let points = |f: &dyn Fn(&crate::systems::region_gnn::LossValues) -> f64| -> Vec<(f64, f64)> {
+    let training = s.style.network()?.training();
+    let history = &training.history;
+    let points = |f: &dyn Fn(&crate::style::LossValues) -> f64| -> Vec<(f64, f64)> {
         history.iter().map(|r| (r.epoch as f64, f(&r.losses))).collect()
     };
-    Curves::new(format!("Training on {}, {} epochs", s.name, s.style.info.training.epochs), "epoch")
+    Curves::new(format!("Training on {}, {} epochs", s.name, training.epochs), "epoch")
         .panel(
             Panel::new("loss")
                 .log()
@@ -222,13 +223,13 @@ fn curves(s: &Trained) -> Result<Svg> {
 }
 
 fn style_section(report: Report, s: &Trained, pictures: &StylePictures) -> Report {
-    let (t, e) = (&s.style.info.training, &s.source.info);
-    let range = s.style.info.normalization;
+    let e = &s.source.info;
+    let learned = s.style.coarse.first().map(|system| system.account().text).unwrap_or_default();
+    let range = s.style.origin.normalization;
     report
         .section(format!("The style of {}", s.title))
         .paragraph(format!(
-            "{}x{} cells of {:.1} m at row {}, column {}; {:.0} to {:.0} m. {} epochs in {:.1} s ({:.3} s each). Rebuilt from its own \
-             lines: SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}.",
+            "{}x{} cells of {:.1} m at row {}, column {}; {:.0} to {:.0} m. {learned}.",
             e.rows,
             e.cols,
             s.source.dem.cell_size().mean(),
@@ -236,12 +237,6 @@ fn style_section(report: Report, s: &Trained, pictures: &StylePictures) -> Repor
             e.col,
             range.low(),
             range.high(),
-            t.epochs,
-            t.seconds,
-            t.seconds_per_epoch,
-            t.ssim,
-            t.psnr,
-            t.l_gt
         ))
         .figures([
             Figure::new(&pictures.exemplar, "The exemplar"),
@@ -280,8 +275,9 @@ fn detail(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
     let truth = metres(patch, &patch.truth, shown)?;
     let relief = Relief::with_palette(palette(shown.styles[0].name)).scaled(SCALE).fixed_for(&truth);
     let mut sheet = Sheet::new(3).title("What the detail adds");
+    let uses = shown.styles[0].style.uses();
     for (name, output) in patch.outputs.iter().filter_map(|(n, o)| Some((n, o.as_ref()?))) {
-        if name == "gnn" || name == "gnn+detail" {
+        if uses.iter().any(|(known, _)| known == name) {
             sheet = sheet.panel(relief.draw(&metres(patch, output, shown)?)?, caption(shown, patch, name));
         }
     }

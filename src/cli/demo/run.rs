@@ -3,8 +3,10 @@
 use super::report;
 use crate::cli::Context;
 use crate::cli::generate::ground_of;
+use crate::cli::outputs::{OutputKind, Outputs};
 use crate::cli::sketch_input::in_metres;
 use crate::cli::train::{Bounds, train_with_progress, unseen_with_progress};
+use crate::control::Control;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
@@ -16,11 +18,8 @@ use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{LineMap, Sketch, samples};
-use crate::systems::pipeline::{add_detail, needed_detail, take_patches};
-use crate::systems::region_gnn::Style;
-use crate::systems::region_gnn::style::{Source, StyleConfig};
-use crate::systems::registry;
-use crate::systems::task::{DetailUse, RandomHeights, with_random_lines};
+use crate::style::{Source, Style, StyleConfig, add_detail, learn_detail};
+use crate::systems::task::{DetailUse, RandomHeights, SketchToTerrain, with_random_lines};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -86,6 +85,7 @@ pub(super) struct Shown {
 /// When the folder cannot be written.
 pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let out = &args.out;
+    Outputs::new().writes("--out", out, OutputKind::Folder).check()?;
     fs::create_dir_all(out).map_err(Error::io(out, "create the folder"))?;
     let mut config = StyleConfig::default();
     if args.quick {
@@ -101,17 +101,20 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
         let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
+        let plan = config.plan()?;
         let mut style = train_with_progress(
             &source,
-            &config,
+            &config.extraction,
+            &*plan,
             context,
             &format!("training on {name}"),
             Bounds::default(),
         )?;
         timed(format!("training on {name}"), started);
         let started = Instant::now();
-        let unseen = unseen_with_progress(&style, &source, None, context)?;
-        take_patches(&mut style, &source, unseen.as_ref(), context.seed)?;
+        let unseen = unseen_with_progress(&source, &config.extraction, &*plan, None, context)?;
+        let patches = context.registry.plan_detail("patches", &toml::Table::new())?;
+        learn_detail(&mut style, &source, &*plan, unseen, &*patches, Control::new(&mut |_| {}))?;
         timed(format!("taking the detail of {name}"), started);
         let started = Instant::now();
         styles.push(draw_with(name, source, style, context)?);
@@ -128,7 +131,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         origins.sort_by_key(|c| c.distance_squared(exemplar));
         origins.truncate(3);
     }
-    let systems = registry::all(&first.style)?;
+    let systems = context.registry.all(&first.style);
     let protocol = EvaluationConfig {
         extraction: config.extraction.clone(),
         sketch_order: None,
@@ -141,7 +144,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     timed(format!("rebuilding {} patches with {} systems", origins.len(), systems.len()), started);
 
     let reading = samples::load(DRAWING)?;
-    let drawing = in_metres(&reading, styles[0].style.info.normalization);
+    let drawing = in_metres(&reading, styles[0].style.origin.normalization);
     let commands = commands(&styles, args.quick);
     let mut shown = Shown { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
     let started = Instant::now();
@@ -159,21 +162,21 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
         || (name.to_owned(), String::new()),
         |tile| (tile.title.clone(), format!("{}: {}. {}", tile.title, tile.credit, tile.licence)),
     );
-    let range = style.info.normalization;
+    let range = style.origin.normalization;
     let unit = range.normalize(&source.dem);
-    let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.info.config.extraction)?;
+    let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.origin.extraction)?;
     let metres = |unit: &Grid<f32>| -> Result<Dem> {
         Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), source.dem.cell_size())
     };
-    let correction = style.info.config.generation.correction;
-    let rebuilt = metres(&style.model.reconstruct(&lines, correction, style.info.seed)?)?;
+    let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop)?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
-    let detail = needed_detail(&style)?;
-    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed);
+    let detail = style.needed_detail()?;
+    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed, &context.stop);
     let terrain = |sketch: &Sketch| -> Result<Dem> {
         let (coarse, lines) = (plain(sketch)?, sketch.rasterize());
         let how = DetailUse::default();
-        let heights = add_detail(&coarse, &detail, range, Some(&lines), None, &how, context.seed)?;
+        let heights =
+            add_detail(&coarse, &**detail, range, Some(&lines), None, &how, context.seed, &context.stop)?;
         Dem::new(heights, source.dem.cell_size())
     };
     let ground = ground_of(&style, range);
@@ -211,7 +214,7 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
         geojson::write(&file("random-lines.geojson"), &s.enhanced.0, HeightUnit::Metres, None)?;
     }
     file::write_bytes(&out.join("drawing.geojson"), samples::text(DRAWING)?.as_bytes())?;
-    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows).as_bytes())
+    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows)?.as_bytes())
 }
 
 /// The commands that make the same things one by one.

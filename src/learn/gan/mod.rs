@@ -2,6 +2,7 @@
 
 use super::layers::{LayerId, Moments, Net, Tape};
 use super::{Adam, in_pool};
+use crate::control::Stop;
 use crate::error::Result;
 use crate::learn::convolution::Plane;
 use crate::learn::{Numbers, exp, ln};
@@ -222,10 +223,11 @@ pub struct Length {
 /// where progress is told, losses are checked and checkpoints are kept; its error ends the game. Gives the number of steps.
 ///
 /// # Errors
-/// What `after` says.
+/// What `after` says, and when `stop` is raised.
 pub fn play<G: Game>(
     game: &mut G,
     length: Length,
+    stop: &Stop,
     mut after: impl FnMut(&mut G, usize, f64, G::Report) -> Result<()>,
 ) -> Result<usize> {
     let (mut step, spent) = length.done;
@@ -240,6 +242,7 @@ pub fn play<G: Game>(
         if share >= 1.0 && (step > 0 || length.time.is_none()) {
             return Ok(step);
         }
+        stop.check()?;
         let report = in_pool(|| game.step(step, share.min(1.0) as f32));
         after(game, step, seconds(), report)?;
         step += 1;

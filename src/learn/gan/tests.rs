@@ -1,9 +1,10 @@
 //! Losses against finite differences, and the loop.
 
 use super::*;
+use crate::control::Stop;
 use crate::error::Error;
+use crate::learn::Resumable;
 use crate::learn::layers::{Activation, Conv, Start};
-use crate::learn::{Checkpoints, Resumable};
 use crate::seed::Seed;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -155,7 +156,7 @@ const LENGTH: Length = Length { steps: 300, time: None, done: (0, 0.0) };
 fn players_that_take_turns_learn_the_exemplar() {
     let mut duel = Duel::new();
     let mut means = Vec::new();
-    let steps = play(&mut duel, LENGTH, |_, _, _, mean| {
+    let steps = play(&mut duel, LENGTH, &Stop::new(), |_, _, _, mean| {
         means.push(mean);
         Ok(())
     });
@@ -168,28 +169,40 @@ fn players_that_take_turns_learn_the_exemplar() {
 #[test]
 fn a_resumed_game_ends_with_the_same_numbers() {
     let folder = tempfile::tempdir().unwrap();
-    let kept =
-        Checkpoints { path: folder.path().join("kept"), interval: std::time::Duration::ZERO, resume: true };
+    let kept = folder.path().join("kept");
     let length = Length { steps: 12, ..LENGTH };
     let mut whole = Duel::new();
-    play(&mut whole, length, |_, _, _, _| Ok(())).unwrap();
+    play(&mut whole, length, &Stop::new(), |_, _, _, _| Ok(())).unwrap();
     let mut broken = Duel::new();
-    let stopped = play(&mut broken, length, |duel, step, _, _| {
-        Kept { step: step + 1 }.save(&kept.path, duel.state())?;
+    let stopped = play(&mut broken, length, &Stop::new(), |duel, step, _, _| {
+        Kept { step: step + 1 }.save(&kept, duel.state())?;
         if step == 6 { Err(Error::value("power", "off", "on")) } else { Ok(()) }
     });
     assert!(stopped.unwrap_err().to_string().contains("power"));
-    let (Kept { step }, mut numbers) = Kept::load(&kept.path, "duel").unwrap();
+    let (Kept { step }, mut numbers) = Kept::load(&kept, "duel").unwrap();
     let mut resumed = Duel::new();
     for (player, name) in resumed.players.iter_mut().zip(["generator", "critic"]) {
         player.restore(name, step, &mut numbers).unwrap();
     }
-    play(&mut resumed, Length { done: (step, 0.0), ..length }, |_, _, _, _| Ok(())).unwrap();
+    play(&mut resumed, Length { done: (step, 0.0), ..length }, &Stop::new(), |_, _, _, _| Ok(())).unwrap();
     assert!(whole.state() == resumed.state());
 }
 
 #[test]
 fn a_game_that_is_timed_takes_at_least_one_step() {
     let length = Length { time: Some(Duration::ZERO), ..LENGTH };
-    assert_eq!(play(&mut Duel::new(), length, |_, _, _, _| Ok(())).unwrap(), 1);
+    assert_eq!(play(&mut Duel::new(), length, &Stop::new(), |_, _, _, _| Ok(())).unwrap(), 1);
+}
+
+#[test]
+fn a_game_that_is_stopped_takes_no_step() {
+    let stop = Stop::new();
+    let mut steps = 0;
+    let end = play(&mut Duel::new(), LENGTH, &stop, |_, _, _, _| {
+        steps += 1;
+        stop.raise();
+        Ok(())
+    });
+    assert!(matches!(end, Err(Error::Stopped)));
+    assert_eq!(steps, 1);
 }

@@ -9,7 +9,7 @@ mod train;
 
 pub use config::DetailConfig;
 pub use detail::{Detail, DetailInfo, DetailRecord, ScaleInfo};
-pub use train::{Control, StepReport, train, train_with};
+pub use train::train;
 
 #[cfg(test)]
 mod tests;

@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::file;
+use maud::html;
 use std::path::Path;
 
 /// A drawing of `width` x `height` pixels at its natural size, with a description for those who cannot see it.
@@ -59,7 +60,7 @@ impl Svg {
             self.height,
             self.width * self.fineness,
             self.height * self.fineness,
-            super::super::report::escape(&self.description),
+            html! { (self.description) }.into_string(),
             self.body,
         )
     }
