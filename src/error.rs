@@ -85,6 +85,15 @@ impl Error {
         move |source| Self::Io { path: path.to_owned(), action, source }
     }
 
+    /// The same [`Error::Value`] under another name, so that it says which entry of a list it is about.
+    #[must_use]
+    pub fn renamed(self, rename: impl FnOnce(&str) -> String) -> Self {
+        match self {
+            Self::Value { name, value, allowed } => Self::Value { name: rename(&name), value, allowed },
+            other => other,
+        }
+    }
+
     /// Attaches a file to an [`Error::Value`], so that an error found after reading still names its file.
     #[must_use]
     pub fn in_file(self, path: &Path) -> Self {

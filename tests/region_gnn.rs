@@ -4,7 +4,7 @@
 
 use monadnock::control::{Checkpoints, Control, Progress, Stop};
 use monadnock::dem::{CellSize, Dem, Normalization, bundled};
-use monadnock::experiment::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
+use monadnock::evaluate::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
 use monadnock::extract::{self, ExtractionConfig};
 use monadnock::grid::{Cell, Grid};
 use monadnock::metrics::ssim;

@@ -93,11 +93,9 @@ fn a_system_of_ones_own_is_part_of_a_style() {
     let path = folder.path().join("toy.safetensors");
     made.save(&path).unwrap();
     let read = with_toy().load(&path).unwrap();
-    assert_eq!(
-        read.terrain.as_deref(),
-        Some(&bundled::load("sierra").unwrap()),
-        "the terrain is stored for the system that needs it"
-    );
+    let terrain = read.terrain.as_deref().map(|dem| dem.heights().clone());
+    let whole = bundled::load("sierra").unwrap();
+    assert_eq!(terrain.as_ref(), Some(whole.heights()), "stored for the system that needs it");
     let lines = samples::load("lambda-ring").unwrap().sketch.rasterize();
     let terrain = |style: &Style| style.generate(&lines, None, Seed(1), &Stop::new()).unwrap();
     assert_eq!(terrain(&made), terrain(&read));

@@ -43,8 +43,8 @@ pub(super) struct InfoArgs {
 /// Cells along the longer side of the map on which a sketch without one is looked at.
 const SHOWN_SIDE: usize = 512;
 
-/// Label and text of a line that is shown.
-pub(super) type Row = (String, String);
+/// Label and text of something that is known.
+pub(super) type Fact = (String, String);
 
 pub(super) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
     let (value, rows) = match content_of(&args.file)? {
@@ -111,7 +111,7 @@ fn nothing_there(path: &Path) -> Error {
     Error::file(path, "file", "not there", allowed)
 }
 
-fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
+fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
     let (dem, description) = reading.read(path)?;
     let tile = args::bundled_name(path).and_then(|name| bundled::manifest().iter().find(|t| t.name == name));
     let (rows, cols) = dem.shape();
@@ -182,7 +182,7 @@ fn mean_height(dem: &Dem) -> f64 {
     sum / count as f64 // never 0: a DEM has a valid cell
 }
 
-fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Row>)> {
+fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
     let options = ReadOptions {
         metres_per_unit: args.reading.options().metres_per_unit,
         missing_heights: MissingHeights::Leave,
@@ -304,7 +304,7 @@ impl KindFigures {
 }
 
 /// The lines of a sketch in figures: what `extract` reports and `info` repeats.
-pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Row> {
+pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Fact> {
     let graph = SketchGraph::of(lines);
     let one = |label: &str, kind| {
         let f = KindFigures::of(sketch, lines, &graph, kind);
@@ -323,7 +323,7 @@ pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Row> {
     ]
 }
 
-fn row(label: &str, text: impl std::fmt::Display) -> Row {
+fn row(label: &str, text: impl std::fmt::Display) -> Fact {
     (label.to_owned(), text.to_string())
 }
 
@@ -338,7 +338,7 @@ fn metres(value: f64) -> String {
 }
 
 /// Rows under each other, labels in one column.
-pub(super) fn table(rows: &[Row]) -> String {
+pub(super) fn table(rows: &[Fact]) -> String {
     let width = rows.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0).max(12);
     rows.iter().map(|(label, text)| format!("{label:width$}  {text}\n")).collect()
 }
@@ -352,7 +352,7 @@ fn merge(value: &mut Value, more: Value) {
 
 /// A style for people: where it is from and how well it learned, then its configuration. The JSON has the rest, above all
 /// the losses of every epoch.
-fn style_rows(value: &Value) -> Vec<Row> {
+fn style_rows(value: &Value) -> Vec<Fact> {
     let number = |pointer: &str| value.pointer(pointer).and_then(Value::as_f64);
     let text = |pointer: &str| value.pointer(pointer).map_or_else(|| "-".to_owned(), plain);
     let with = |pointer: &str, digits: usize, unit: &str| {
@@ -431,13 +431,13 @@ fn detail_row(value: &Value) -> String {
 }
 
 /// Any JSON object as rows: what lies deeper gets a dotted label.
-fn rows_of(value: &Value) -> Vec<Row> {
+fn rows_of(value: &Value) -> Vec<Fact> {
     let mut rows = Vec::new();
     push_rows(&mut rows, "", value);
     rows
 }
 
-fn push_rows(rows: &mut Vec<Row>, label: &str, value: &Value) {
+fn push_rows(rows: &mut Vec<Fact>, label: &str, value: &Value) {
     const SHOWN: usize = 8;
     match value {
         Value::Object(fields) => {

@@ -24,7 +24,7 @@ pub(super) struct SampleArgs {
     /// Cells of the map, as HEIGHTxWIDTH
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: (usize, usize),
-    /// How far large forms are from the exemplar's: 0 keeps them and draws only small ones anew, 1 has a layout of its own
+    /// How far large forms are from the exemplar's: 0 keeps them and draws only small ones again, 1 has a layout of its own
     #[arg(long, value_name = "V", default_value_t = 1.0)]
     variety: f32,
     /// The terrain to write

@@ -7,7 +7,7 @@ use crate::checked::Settings;
 use crate::control::{Checkpoints, Control, Progress};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::experiment::{PATCH, choose_exemplar};
+use crate::evaluate::{PATCH, choose_exemplar};
 use crate::extract::ExtractionConfig;
 use crate::grid::{Cell, Grid};
 use crate::style::{
@@ -44,7 +44,7 @@ const PATCHES_COARSE_SHARE: f64 = 0.6;
 First the coarse model is trained, which turns lines into terrain; then comes the detail, which adds the small forms that
 lines leave open. The style is written after the first and again after the second, so that it can be used whatever happens.
 
-Detail is the exemplar's own patches (GPNN). Only their strength is measured: two coarse models, one a half of the exemplar, show
+Detail is the exemplar's own patches (GPNN). Only their strength is measured: two coarse models, each of one half of the exemplar, show
 what is left open in terrain that they have not seen. With --detail-model generators, or with a setting of theirs, a SinGAN is
 trained instead: minutes, for detail with a little less of the exemplar's statistics. Exemplars of more than 65,536 cells get
 generators too. With --preset paper, which is there to compare coarse models, there is detail only when one of these options asks
@@ -55,7 +55,7 @@ and at least three tenths.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
 detail), which is removed at the end. A training that was killed continues from there with --resume and the same
-arguments; without --resume it begins anew. It ends with the same weights as one that was never stopped, except under
+arguments; without --resume it starts over. It ends with the same weights as one that was never stopped, except under
 --budget, which ties the schedule to the clock.
 
 Without --crop the whole terrain is learned when it is small, else its most varied central 128x128 patch.
@@ -95,7 +95,7 @@ pub(super) struct TrainArgs {
     /// Time for the whole training, such as 60s or 5m; the schedules are fitted to it
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     budget: Option<Duration>,
-    /// Take the coarse model from a style of the same window, seed and configuration, and make only the detail anew
+    /// Take the coarse model from a style of the same window, seed and configuration, and learn only the detail again
     #[arg(long, value_name = "STYLE.safetensors", conflicts_with_all = ["no_detail", "epochs", "budget", "resume"])]
     coarse: Option<PathBuf>,
     /// Continue an interrupted training from its checkpoint
@@ -185,7 +185,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
             context.console.line(format!("no {}: training from the start", coarse_file.display()));
         }
         Some(file) if !args.resume => {
-            let text = "is of an interrupted training; this one begins anew (--resume continues it)";
+            let text = "is of an interrupted training; this one starts over (--resume continues it)";
             context.console.warning(format!("{} {text}", file.display()));
             remove(&detail_file)?;
         }

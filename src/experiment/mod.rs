@@ -23,7 +23,4 @@ pub mod spec;
 mod styles;
 mod validate;
 
-pub use crate::evaluate::{
-    Evaluation, EvaluationConfig, PATCH, Rebuilt, aggregate, choose_exemplar, evaluate, patch_cells, to_csv,
-};
 pub use spec::{ExperimentSpec, Kind};

@@ -111,12 +111,7 @@ fn every_exemplar(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Vec<AreaSp
 }
 
 fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Area> {
-    let in_area = |e: Error| match e {
-        Error::Value { name, value, allowed } => {
-            Error::Value { name: format!("{name} (area {:?})", entry.name), value, allowed }
-        }
-        other => other,
-    };
+    let in_area = |e: Error| e.renamed(|name| format!("{name} (area {:?})", entry.name));
     let dem = terrain_of(entry, terrain)?;
     let found = fingerprint(&dem);
     if let Some(meant) = entry.fingerprint.as_ref().filter(|meant| **meant != found) {

@@ -355,12 +355,7 @@ impl ExperimentSpec {
     /// # Errors
     /// When a key is unknown or a value is not allowed.
     pub fn config_of(&self, style: &StyleSpec) -> Result<StyleConfig> {
-        let named = |e: Error| match e {
-            Error::Value { name, value, allowed } => {
-                Error::Value { name: format!("style {:?}, {name}", style.name), value, allowed }
-            }
-            other => other,
-        };
+        let named = |e: Error| e.renamed(|name| format!("style {:?}, {name}", style.name));
         if let Some(config) = &style.config {
             if style.preset.is_some() || !style.set.is_empty() {
                 let allowed = "allowed: either config, or preset and set";

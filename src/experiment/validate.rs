@@ -63,13 +63,14 @@ fn validate(spec: &ExperimentSpec) -> Result<()> {
         return Err(Error::value("baseline", "given", "allowed: for kind = \"ablation\" only"));
     }
     for (i, bound) in spec.bound.iter().enumerate() {
-        check_bound(spec, bound, &systems, &columns).map_err(|e| of(e, &format!("bound {}", i + 1)))?;
+        check_bound(spec, bound, &systems, &columns)
+            .map_err(|e| e.renamed(|name| format!("{name} of bound {}", i + 1)))?;
     }
     let names: Vec<&str> = spec.area.iter().map(|a| a.name.as_str()).collect();
     for (i, printed) in spec.printed.iter().enumerate() {
         known("metric", &printed.metric, &columns)
             .and_then(|()| known("area", &printed.area, &names))
-            .map_err(|e| of(e, &format!("printed {}", i + 1)))?;
+            .map_err(|e| e.renamed(|name| format!("{name} of printed {}", i + 1)))?;
     }
     Ok(())
 }
@@ -125,12 +126,7 @@ fn sketches(spec: &ExperimentSpec) -> Result<()> {
         extraction.min_order = sketch.order.unwrap_or(extraction.min_order);
         extraction.min_accumulation = sketch.accumulation.unwrap_or(extraction.min_accumulation);
         let checked = extraction.validate().and_then(|()| check_sketch(spec, sketch));
-        checked.map_err(|e| match e {
-            Error::Value { name, value, allowed } => {
-                Error::Value { name: format!("sketch {:?}, {name}", sketch.name), value, allowed }
-            }
-            other => other,
-        })?;
+        checked.map_err(|e| e.renamed(|name| format!("sketch {:?}, {name}", sketch.name)))?;
         check(!sketch.name.trim().is_empty(), "name of a sketch", "empty", "allowed: some words")?;
     }
     Ok(())
@@ -187,16 +183,6 @@ fn check_bound(spec: &ExperimentSpec, bound: &Bound, systems: &[String], columns
     check(is_limit, "min and max", format!("{limits:?}"), "allowed: at least one of them, finite")?;
     let (min, max) = (bound.min.unwrap_or(f64::NEG_INFINITY), bound.max.unwrap_or(f64::INFINITY));
     check(min <= max, "min", min, &format!("allowed: up to max, {max}"))
-}
-
-/// The same complaint, saying of which entry of a list.
-fn of(error: Error, entry: &str) -> Error {
-    match error {
-        Error::Value { name, value, allowed } => {
-            Error::Value { name: format!("{name} of {entry}"), value, allowed }
-        }
-        other => other,
-    }
 }
 
 fn some<T>(key: &str, list: &[T]) -> Result<()> {

@@ -1,6 +1,6 @@
 //! What the eye sees and cell-by-cell errors do not: slopes, curvatures and pits.
 //!
-//! Slopes are differences of neighbouring heights in the unit of the heights a cell, as numpy's `gradient` takes them:
+//! Slopes are differences of neighbouring heights in the unit of the heights per cell, as numpy's `gradient` takes them:
 //! central, and one-sided at the frame; voids count as the frame does. Cells are taken as square. Distances between
 //! distributions are earth mover's distances of the values themselves, without bins, relative to the truth's mean.
 

@@ -27,7 +27,7 @@ pub fn error_limit(estimate: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Res
     Ok(if high > 0.0 { super::ticks::round_up(high) } else { 1.0 })
 }
 
-/// The map of estimate - truth at `scale` pixels a cell. `-limit` and less is the deepest blue, `limit` and more the
+/// The map of estimate - truth at `scale` pixels per cell. `-limit` and less is the deepest blue, `limit` and more the
 /// deepest red ([`ColorBar::difference`](super::ColorBar::difference) says so); voids are hatched.
 ///
 /// # Errors

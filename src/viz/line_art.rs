@@ -1,7 +1,7 @@
 //! Ridges and valleys as a pen would draw them.
 //!
 //! [`LineMap`] or [`Sketch`] -> [`LineArt`] -> lines over a picture, or on paper. Anti-aliased by the distance to each
-//! segment; every layer (casing, valleys, ridges) keeps its highest coverage a pixel and is laid on once, so the order
+//! segment; every layer (casing, valleys, ridges) keeps its highest coverage per pixel and is laid on once, so the order
 //! of strokes does not matter. Colours as in Liu & Benes 2025, figure 6: ridges yellow, valleys blue. Cost: O(total
 //! line length x width) pixels, whatever the number of vertices.
 
@@ -179,7 +179,7 @@ impl LineArt {
         Ok(())
     }
 
-    /// The lines alone on light paper, `scale` pixels a cell; low lines are dark, high ones bright.
+    /// The lines alone on light paper, `scale` pixels per cell; low lines are dark, high ones bright.
     ///
     /// # Errors
     /// When `scale` or a side of the map is out of range.

@@ -87,7 +87,7 @@ impl Relief {
         Self { palette, ..Self::default() }
     }
 
-    /// The same drawing at `scale` pixels a cell.
+    /// The same drawing at `scale` pixels per cell.
     #[must_use]
     pub fn scaled(self, scale: usize) -> Self {
         Self { scale, ..self }
@@ -319,7 +319,7 @@ mod tests {
         let flat = dem(Grid::filled(2, 2, 1.0));
         let bad = [
             (Relief { ambient: 1.5, ..Relief::default() }, "ambient"),
-            (Relief { scale: 0, ..Relief::default() }, "pixels a cell"),
+            (Relief { scale: 0, ..Relief::default() }, "pixels per cell"),
             (Relief { range: Some((5.0, 5.0)), ..Relief::default() }, "height range"),
             (Relief { exaggeration: Exaggeration::By(0.0), ..Relief::default() }, "exaggeration"),
             (Relief { sun: Sun { altitude: 0.0, ..Sun::default() }, ..Relief::default() }, "altitude"),

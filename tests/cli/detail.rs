@@ -201,7 +201,7 @@ fn an_interrupted_detail_training_is_resumed_and_a_budget_is_kept() {
     fails(at, &[&BRIEF[..], &["--resume", "--seed", "3"]].concat(), 1, &["to resume"]);
     // The interrupted one had another schedule: begun anew it is the first one to the bit, tensors and all but the times.
     let answer = done(at, &BRIEF);
-    assert!(answer.err.contains("begins anew"), "{}", answer.err);
+    assert!(answer.err.contains("starts over"), "{}", answer.err);
     let tensors = |bytes: &[u8]| {
         let file = safetensors::SafeTensors::deserialize(bytes).unwrap();
         let mut all: Vec<(String, Vec<u8>)> =

@@ -1,6 +1,7 @@
 //! The steps of the demo; every file that they write is kept.
 
 use super::report;
+use super::results::{DemoResults, DemoStyle};
 use crate::cli::Context;
 use crate::cli::generate::ground_of;
 use crate::cli::outputs::{OutputKind, Outputs};
@@ -10,19 +11,17 @@ use crate::control::Control;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
-use crate::experiment::{
-    Evaluation, EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv,
-};
+use crate::evaluate::{EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv};
 use crate::extract;
 use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
-use crate::sketch::{LineMap, Sketch, samples};
+use crate::sketch::{Sketch, samples};
 use crate::style::{Source, Style, StyleConfig, add_detail, learn_detail};
 use crate::systems::task::{DetailUse, RandomHeights, SketchToTerrain, with_random_lines};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// The embedded exemplars, the first one also for the comparison on its neighbours.
 const EXEMPLARS: [&str; 2] = ["sierra", "grand-canyon"];
@@ -46,37 +45,6 @@ pub(in crate::cli) struct DemoArgs {
     /// The folder to write
     #[arg(long, default_value = "monadnock-demo", value_name = "DIR")]
     out: PathBuf,
-}
-
-/// One style of the demo with what was made of it.
-pub(super) struct Trained {
-    pub(super) name: &'static str,
-    pub(super) title: String,
-    pub(super) credit: String,
-    pub(super) source: Source,
-    /// Lines of the exemplar, metres.
-    pub(super) lines: LineMap,
-    pub(super) style: Style,
-    /// The exemplar rebuilt from its own lines, metres.
-    pub(super) rebuilt: Dem,
-    /// The drawing as terrain, without detail and with it.
-    pub(super) coarse: Dem,
-    pub(super) drawn: Dem,
-    /// The drawing with random lines (metres), and its terrain.
-    pub(super) enhanced: (Sketch, Dem),
-}
-
-/// Everything that the report shows.
-pub(super) struct Shown {
-    pub(super) quick: bool,
-    pub(super) styles: Vec<Trained>,
-    /// The drawing in metres of the first style.
-    pub(super) drawing: Sketch,
-    pub(super) evaluation: Evaluation,
-    /// Cell size of the compared patches, and their DEM's name.
-    pub(super) compared: Dem,
-    pub(super) times: Vec<(String, Duration)>,
-    pub(super) commands: Vec<String>,
 }
 
 /// Runs the verb.
@@ -146,17 +114,18 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let reading = samples::load(DRAWING)?;
     let drawing = in_metres(&reading, styles[0].style.origin.normalization);
     let commands = commands(&styles, args.quick);
-    let mut shown = Shown { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
+    let mut results =
+        DemoResults { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
     let started = Instant::now();
-    write_data(&shown, out)?;
-    let page = report::Page::draw(&shown, out)?;
-    shown.times.push(("pictures".to_owned(), started.elapsed()));
-    file::write_bytes(&out.join("report.html"), page.html(&shown).as_bytes())?;
+    write_data(&results, out)?;
+    let page = report::Page::draw(&results, out)?;
+    results.times.push(("pictures".to_owned(), started.elapsed()));
+    file::write_bytes(&out.join("report.html"), page.html(&results).as_bytes())?;
     context.console.line(format!("{}", out.join("report.html").display()));
     Ok(())
 }
 
-fn draw_with(name: &'static str, source: Source, style: Style, context: &Context) -> Result<Trained> {
+fn draw_with(name: &'static str, source: Source, style: Style, context: &Context) -> Result<DemoStyle> {
     let tile = bundled::manifest().iter().find(|tile| tile.name == name);
     let (title, credit) = tile.map_or_else(
         || (name.to_owned(), String::new()),
@@ -184,7 +153,7 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let coarse = Dem::new(plain(&drawing)?, source.dem.cell_size())?;
     let (drawn, enhanced) = (terrain(&drawing)?, terrain(&richer)?);
     let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
-    Ok(Trained {
+    Ok(DemoStyle {
         name,
         title,
         credit,
@@ -199,9 +168,9 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
 }
 
 /// Styles, sketches, terrain and scores beside the report.
-fn write_data(shown: &Shown, out: &Path) -> Result<()> {
+fn write_data(results: &DemoResults, out: &Path) -> Result<()> {
     let options = WriteOptions::default();
-    for s in &shown.styles {
+    for s in &results.styles {
         let file = |kind: &str| out.join(format!("{}-{kind}", s.name));
         s.style.save(&file("style.safetensors"))?;
         io::write(&s.source.dem, &file("exemplar.tif"), &options)?;
@@ -214,11 +183,11 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
         geojson::write(&file("random-lines.geojson"), &s.enhanced.0, HeightUnit::Metres, None)?;
     }
     file::write_bytes(&out.join("drawing.geojson"), samples::text(DRAWING)?.as_bytes())?;
-    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows)?.as_bytes())
+    file::write_bytes(&out.join("scores.csv"), to_csv(&results.evaluation.rows)?.as_bytes())
 }
 
 /// The commands that make the same things one by one.
-fn commands(styles: &[Trained], quick: bool) -> Vec<String> {
+fn commands(styles: &[DemoStyle], quick: bool) -> Vec<String> {
     let mut commands = Vec::new();
     let settings = if quick { " --epochs 60 --set model.extractions=4" } else { "" };
     for s in styles {

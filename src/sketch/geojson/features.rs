@@ -5,8 +5,8 @@
 
 use super::notes::Notes;
 use super::number::{number, shown};
+use super::options::ReadOptions;
 use super::properties::{Height, NamedHeights, Properties, PropertyHeights};
-use super::reading::ReadOptions;
 use crate::error::{Error, Result};
 use crate::sketch::StrokeKind;
 use serde_json::Value;

@@ -3,7 +3,7 @@
 use super::features::RawLine;
 use super::member::{HeightUnit, MapMember};
 use super::notes::Notes;
-use super::reading::{MissingHeights, ReadOptions};
+use super::options::{MissingHeights, ReadOptions};
 use crate::dem::crs::unit_in_words;
 use crate::error::{Error, Result};
 use crate::sketch::Vertex;

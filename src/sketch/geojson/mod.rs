@@ -36,6 +36,7 @@ mod heights;
 mod member;
 mod notes;
 mod number;
+mod options;
 mod placing;
 mod properties;
 mod reading;
@@ -44,6 +45,7 @@ mod tests;
 mod writing;
 
 pub use member::HeightUnit;
-pub use placing::{Bounds, Coordinates};
-pub use reading::{MissingHeights, Outline, ReadOptions, SketchReading, outline, parse, read};
+pub use options::{Coordinates, MissingHeights, ReadOptions};
+pub use placing::Bounds;
+pub use reading::{Outline, SketchReading, outline, parse, read};
 pub use writing::{to_text, write};

@@ -7,21 +7,11 @@ use super::crs::{NamedSystem, is_same, system_of};
 use super::features::RawLine;
 use super::member::MapMember;
 use super::notes::Notes;
-use super::reading::ReadOptions;
+use super::options::{Coordinates, ReadOptions};
 use crate::dem::Georeference;
 use crate::error::{Error, Result};
 use crate::sketch::{Sketch, Stroke};
 use serde_json::{Map, Value};
-
-/// What the x and y of a file are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Coordinates {
-    /// Model coordinates where the map has a place and the file does not describe one without; else columns and rows.
-    #[default]
-    AsStated,
-    /// Columns and rows, whatever the file names.
-    Pixels,
-}
 
 /// What helps where no map is known.
 const REMEDY: &str = "--like DEM lays it on that terrain, --bounds strokes on a map around its strokes; --pixels takes x and \

@@ -5,7 +5,7 @@
 
 use super::notes::Notes;
 use super::number::{Number, metres_per, number, shown};
-use super::reading::ReadOptions;
+use super::options::ReadOptions;
 use crate::error::{Error, Result};
 use crate::sketch::StrokeKind;
 use serde_json::{Map, Value};

@@ -8,7 +8,8 @@ use super::features::{RawLine, lines_of};
 use super::heights::{name_zeros, unit, vertices};
 use super::member::{HeightUnit, MapMember};
 use super::notes::Notes;
-use super::placing::{Bounds, Coordinates, Place, size};
+use super::options::ReadOptions;
+use super::placing::{Bounds, Place, size};
 use crate::dem::Georeference;
 use crate::error::{Error, Result};
 use crate::file::read_whole;
@@ -19,42 +20,6 @@ use std::path::Path;
 
 /// The largest file that is read, in bytes: some ten million vertices.
 const LARGEST_FILE: u64 = 1 << 29;
-
-/// What to do with a vertex without a height.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MissingHeights {
-    /// An error that names the feature and the vertex.
-    #[default]
-    Refuse,
-    /// Linear by length between the given heights of the same line, level beyond them. A line without any is refused.
-    Interpolate,
-    /// It is left open: 0 in the sketch, and false in [`SketchReading::given`].
-    Leave,
-}
-
-/// What the caller knows about the file, or wants of it; every answer overrules what the file says.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ReadOptions {
-    /// (rows, columns) of the map. Without one here and in the file, the map just holds the strokes.
-    pub size: Option<(usize, usize)>,
-    /// Place of the map (that of the DEM which the sketch belongs to).
-    pub georeference: Option<Georeference>,
-    /// What x and y are.
-    pub coordinates: Coordinates,
-    /// EPSG code of the system that x and y are in.
-    pub epsg: Option<u32>,
-    /// Unit of the heights.
-    pub unit: Option<HeightUnit>,
-    /// Metres in one unit of the heights (0.3048 for feet); overrules `unit`.
-    pub metres_per_unit: Option<f64>,
-    /// The property that tells ridges from valleys; else `kind`, or whichever says one of the two.
-    pub kind_property: Option<String>,
-    /// The property with the heights, which then also overrules those in the coordinates.
-    pub height_property: Option<String>,
-    /// What to do about missing heights.
-    pub missing_heights: MissingHeights,
-}
 
 /// A sketch and what was noticed when reading it.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,7 +33,7 @@ pub struct SketchReading {
     /// (rows, columns) of the map that the file states, whatever size was asked for.
     pub stated_size: Option<(usize, usize)>,
     /// For every vertex of every stroke whether the file gives its height; all true unless missing heights were
-    /// [left open](MissingHeights::Leave) or interpolated.
+    /// [left open](super::MissingHeights::Leave) or interpolated.
     pub given: Vec<Vec<bool>>,
     /// Where each stroke stands in the file ("feature 3"), for messages.
     pub names: Vec<String>,

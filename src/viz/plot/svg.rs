@@ -10,7 +10,7 @@ use std::path::Path;
 pub struct Svg {
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Drawing units a pixel.
+    /// Drawing units per pixel.
     pub(super) fineness: u32,
     /// The elements inside `<svg>`.
     pub(super) body: String,
