@@ -26,6 +26,7 @@ mod watch;
 
 use crate::control::Stop;
 use crate::error::{Error, Result};
+use crate::machine::{VECTOR_VARIABLE, VectorLevel};
 use crate::seed::Seed;
 use crate::style::Registry;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -58,9 +59,21 @@ Exit codes:
   2  the command line was not understood
   130  stopped by Ctrl-C: nothing half written is left";
 
+/// What the long help says beside.
+fn after_long_help() -> String {
+    format!(
+        "{AFTER_HELP}
+
+Environment:
+  {VECTOR_VARIABLE}  vector instructions of the kernels: scalar, avx2 or avx512; the widest of the processor when it is not set.
+  The same seed gives the same bytes at the same level; between levels the last bits of sums differ, and with them what
+  was trained."
+    )
+}
+
 /// Learns the style of a landscape from one elevation model and turns drawn ridges and valleys into terrain.
 #[derive(Parser)]
-#[command(name = PROGRAM, version, max_term_width = 110, after_help = AFTER_HELP)]
+#[command(name = PROGRAM, version, max_term_width = 110, after_help = AFTER_HELP, after_long_help = after_long_help())]
 struct CommandLine {
     #[command(flatten)]
     global: GlobalOptions,
@@ -175,6 +188,7 @@ pub fn run_with(registry: Registry, args: impl Iterator<Item = OsString>) -> Exi
 }
 
 fn prepare(options: &GlobalOptions, console: Console, registry: Registry) -> Result<Context> {
+    VectorLevel::chosen()?;
     let asked = usize::from(options.threads);
     if asked > 0 {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(asked);
