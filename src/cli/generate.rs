@@ -4,6 +4,7 @@ use super::Context;
 use super::args::elevation;
 use super::console::Console;
 use super::outputs::{OutputKind, Outputs};
+use super::sketch_fill::StyleHeights;
 use super::sketch_input::{SketchOptions, in_metres};
 use super::sketch_map::MapOptions;
 use crate::dem::io::{self, WriteOptions};
@@ -29,6 +30,7 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --bounds strokes
   monadnock --seed 2 generate sierra.safetensors --sketch mine.geojson -o other.tif --detail-strength 0.6
 
+A stroke may have no heights, or a few: the others are those that the style's ridges and valleys have (`sketch fill`).
 Sketch heights are metres, or 0 to 1 of the style's range when the file says \"unit\": \"normalised\".
 With --size a sketch that states the size of its map (those of the program do, and files of `extract`) is scaled to it frame
 to frame; one with a georeference keeps its ground and gets other cells. A file in columns and rows that states no size is
@@ -60,7 +62,7 @@ pub(super) struct GenerateArgs {
     /// Heights of random lines: around the drawn strokes, as steep as the style; or from the whole range (paper)
     #[arg(long, value_enum, value_name = "WHERE", default_value = "style", requires = "random_sketches")]
     random_heights: RandomHeightsName,
-    /// Fill in missing heights along each stroke from the given ones
+    /// Fill in missing heights along each stroke from its given ones, in place of what the style's ridges and valleys say
     #[arg(long)]
     interpolate_heights: bool,
     /// Metres in one unit of the sketch's heights (0.3048 for feet); overrules the file
@@ -176,12 +178,14 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         .check()?;
     let style = context.registry.load(&args.style)?;
     let range = args.elevation.unwrap_or(style.origin.normalization);
-    let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Refuse };
+    let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Leave };
     let metres_per_unit = args.metres_per_unit;
     let options = ReadOptions { missing_heights: missing, metres_per_unit, ..args.reading.options() };
     let [x, y] = style.origin.exemplar.cell_size;
     let placed = args.map.read(&args.sketch, &options, CellSize::new(x, y)?, &context.console)?;
     let sketch = in_metres(&placed.reading, range);
+    let heights = StyleHeights { path: &args.style, style: &style, range };
+    let sketch = heights.fill(&args.sketch, &placed.reading, sketch, &context.console)?;
     warn_of_heights(&args.sketch, &sketch, range, args.elevation.is_some(), &context.console);
     check_memory(sketch.rows, sketch.cols, machine::available_memory())?;
     let sketch = match args.random_sketches {

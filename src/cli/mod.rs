@@ -18,6 +18,7 @@ mod info;
 mod outputs;
 mod render;
 mod sample;
+mod sketch_fill;
 mod sketch_input;
 mod sketch_map;
 mod train;
@@ -25,6 +26,7 @@ mod watch;
 
 use crate::control::Stop;
 use crate::error::{Error, Result};
+use crate::machine::{VECTOR_VARIABLE, VectorLevel};
 use crate::seed::Seed;
 use crate::style::Registry;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -57,9 +59,21 @@ Exit codes:
   2  the command line was not understood
   130  stopped by Ctrl-C: nothing half written is left";
 
+/// What the long help says beside.
+fn after_long_help() -> String {
+    format!(
+        "{AFTER_HELP}
+
+Environment:
+  {VECTOR_VARIABLE}  vector instructions of the kernels: scalar, avx2 or avx512; the widest of the processor when it is not set.
+  The same seed gives the same bytes at the same level; between levels the last bits of sums differ, and with them what
+  was trained."
+    )
+}
+
 /// Learns the style of a landscape from one elevation model and turns drawn ridges and valleys into terrain.
 #[derive(Parser)]
-#[command(name = PROGRAM, version, max_term_width = 110, after_help = AFTER_HELP)]
+#[command(name = PROGRAM, version, max_term_width = 110, after_help = AFTER_HELP, after_long_help = after_long_help())]
 struct CommandLine {
     #[command(flatten)]
     global: GlobalOptions,
@@ -92,6 +106,8 @@ enum Command {
     Extract(extract::ExtractArgs),
     /// Learn a style from one piece of terrain
     Train(train::TrainArgs),
+    /// Complete sketches before they become terrain
+    Sketch(sketch_fill::SketchArgs),
     /// Turn a sketch into terrain in a style
     Generate(generate::GenerateArgs),
     /// Make terrain finer, with a style's detail below its cells
@@ -172,6 +188,7 @@ pub fn run_with(registry: Registry, args: impl Iterator<Item = OsString>) -> Exi
 }
 
 fn prepare(options: &GlobalOptions, console: Console, registry: Registry) -> Result<Context> {
+    VectorLevel::chosen()?;
     let asked = usize::from(options.threads);
     if asked > 0 {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(asked);
@@ -185,6 +202,7 @@ fn dispatch(command: &Command, context: &Context) -> Result<()> {
         Command::Demo(args) => demo::run(args, context),
         Command::Extract(args) => extract::run(args, context),
         Command::Train(args) => train::run(args, context),
+        Command::Sketch(args) => sketch_fill::run(args, context),
         Command::Generate(args) => generate::run(args, context),
         Command::Amplify(args) => amplify::run(args, context),
         Command::Sample(args) => sample::run(args, context),

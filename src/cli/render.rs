@@ -7,7 +7,7 @@ use super::sketch_input::{Map, SketchOptions, read_on_map, window_of};
 use crate::dem::Georeference;
 use crate::error::Result;
 use crate::sketch::Sketch;
-use crate::sketch::geojson::ReadOptions;
+use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::viz::{LineArt, LineStyle, Palette, Relief};
 use std::path::{Path, PathBuf};
 
@@ -90,7 +90,9 @@ pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     let relief = Relief::with_palette(palette).scaled(args.scale);
     let mut picture = relief.draw(&dem)?;
     if let Some(path) = &args.sketch {
-        let sketch = ground.sketch_over(path, &args.reading.options(), context)?;
+        // Only places are drawn.
+        let options = ReadOptions { missing_heights: MissingHeights::Leave, ..args.reading.options() };
+        let sketch = ground.sketch_over(path, &options, context)?;
         LineArt::try_from(&sketch)?.overlay(&mut picture, &LineStyle::default())?;
     }
     picture.write_png(&args.output)?;

@@ -27,6 +27,9 @@ pub(super) struct SketchOptions {
     /// missing or 0]
     #[arg(long, help_heading = READING, value_name = "NAME")]
     height_property: Option<String>,
+    /// Take a line whose heights are all 0 for one without heights, as drawing tools write it
+    #[arg(long, help_heading = READING)]
+    zero_unknown: bool,
     /// What the heights are; overrules the file
     #[arg(long, help_heading = READING, value_enum, value_name = "UNIT")]
     heights: Option<HeightUnitName>,
@@ -59,6 +62,7 @@ impl SketchOptions {
             }),
             kind_property: self.kind_property.clone(),
             height_property: self.height_property.clone(),
+            zero_unknown: self.zero_unknown,
             ..ReadOptions::default()
         }
     }

@@ -18,7 +18,7 @@ use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint, csv_lines, csv_ta
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
 use crate::file;
-use crate::machine;
+use crate::machine::{self, VECTOR_VARIABLE, VectorLevel};
 use lzma_rust2::{XzOptions, XzReader, XzWriter};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -56,6 +56,8 @@ pub struct MachineInfo {
     pub cores: usize,
     /// Memory of the machine, MB.
     pub memory_mb: u64,
+    /// Vector instructions of the kernels (`scalar`, `avx2`, `avx512`); empty in records from before they could be chosen.
+    pub vector: String,
     /// One entry each time the run was started or continued.
     pub session: Vec<Session>,
 }
@@ -147,6 +149,7 @@ impl MachineInfo {
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             cores: machine::cores().unwrap_or_default(),
             memory_mb: machine::total_memory().unwrap_or_default() / 1_000_000,
+            vector: VectorLevel::chosen().map(|level| level.name().to_owned()).unwrap_or_default(),
             session: Vec::new(),
         }
     }
@@ -195,6 +198,14 @@ impl Record {
                     here.revision
                 );
                 return Err(Error::file(&self.path("machine.toml"), "revision", machine.revision, allowed));
+            }
+            if machine.vector != here.vector {
+                let allowed = format!(
+                    "this run would use {:?} ({VECTOR_VARIABLE}), and one record does not mix two: choose the record's, or add \
+                     --restart to begin anew",
+                    here.vector
+                );
+                return Err(Error::file(&self.path("machine.toml"), "vector", machine.vector, allowed));
             }
             file::write_bytes(&path, spec.to_toml().as_bytes())?;
             return Ok(machine);

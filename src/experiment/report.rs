@@ -111,8 +111,10 @@ fn draw(
 fn conditions(results: &Results<'_>, machine: &MachineInfo) -> String {
     let rows = &results.table.rows;
     let seeds: Vec<String> = results.spec.seeds.iter().map(u64::to_string).collect();
+    let vector =
+        if machine.vector.is_empty() { String::new() } else { format!(", vectors {}", machine.vector) };
     format!(
-        "{} areas, seeds {}, {} rows of which {} failed. monadnock {}, revision {}; {}, {} cores, {} MB.",
+        "{} areas, seeds {}, {} rows of which {} failed. monadnock {}, revision {}; {}, {} cores, {} MB{vector}.",
         results.spec.area.len(),
         seeds.join(", "),
         rows.len(),

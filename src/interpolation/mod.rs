@@ -1,8 +1,9 @@
 //! Filling the plane between lines: natural neighbours, Delaunay triangles, harmonic and biharmonic surfaces, and the correction that makes
-//! any terrain pass through its sketch.
+//! any terrain pass through its sketch; heights for strokes that have none.
 
 mod correction;
 mod delaunay;
+pub mod height_model;
 pub mod line_cells;
 mod multigrid;
 mod natural_neighbour;

@@ -29,6 +29,7 @@ pub use relief::{
 pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
 pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};
+pub(crate) use ssim::{WINDOW, similarity, window_means, window_means_adjoint};
 pub use summary::{Spread, Summary};
 
 use crate::error::{Error, Result};

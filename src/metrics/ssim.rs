@@ -5,16 +5,16 @@
 //! Source: Wang, Bovik, Sheikh & Simoncelli 2004, *Image quality assessment*, with their constants (sigma 1.5, K1 .01, K2
 //! .03, weighted population moments): scikit-image's `structural_similarity(gaussian_weights=True, sigma=1.5,
 //! use_sample_covariance=False)`, which likewise averages only windows that lie inside the raster. Windows that touch a
-//! void are left out too. Cost: 110 multiplications a cell, rows in parallel.
+//! void are left out too. The loss of trainings (`learn::SsimLoss`) is made of the same parts. Cost: 110 multiplications a cell.
 
 use super::check_pair;
 use super::error::check_range;
 use crate::error::{Error, Result};
-use crate::grid::{Grid, Mask};
+use crate::grid::{Cell, Grid, Mask};
 use rayon::prelude::*;
 
 /// Side of the window: 3.5 sigma on either side, rounded.
-const WINDOW: usize = 11;
+pub(crate) const WINDOW: usize = 11;
 const RADIUS: usize = WINDOW / 2;
 const SIGMA: f64 = 1.5;
 const K1: f64 = 0.01;
@@ -59,57 +59,47 @@ pub fn ssim_map(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, range: f64)
     check_pair(output, truth, valid)?;
     check_range(range)?;
     let (rows, cols) = truth.shape();
-    let weights = gaussian();
     let mut values = Grid::filled(rows, cols, 0.0);
     let mut windows = Mask::filled(rows, cols, false);
-    values
-        .as_mut_slice()
-        .par_chunks_mut(cols)
-        .zip(windows.as_mut_slice().par_chunks_mut(cols))
-        .enumerate()
-        .filter(|(row, _)| (RADIUS..rows.saturating_sub(RADIUS)).contains(row))
-        .for_each(|(row, (values, windows))| {
-            // Five moments blurred down the columns, and the voids that each column brings into the window.
-            let mut columns = vec![[0.0; 5]; cols];
-            let mut voids = vec![0usize; cols];
-            for (k, weight) in weights.iter().enumerate() {
-                let start = (row + k - RADIUS) * cols;
-                for col in 0..cols {
-                    if valid.as_slice()[start + col] {
-                        let a = f64::from(output.as_slice()[start + col]);
-                        let b = f64::from(truth.as_slice()[start + col]);
-                        for (sum, moment) in columns[col].iter_mut().zip([a, b, a * a, b * b, a * b]) {
-                            *sum += weight * moment;
-                        }
-                    } else {
-                        voids[col] += 1;
-                    }
-                }
-            }
-            for col in RADIUS..cols.saturating_sub(RADIUS) {
-                let window = col - RADIUS..=col + RADIUS;
-                if voids[window.clone()].iter().sum::<usize>() == 0 {
-                    let mut moments = [0.0; 5];
-                    for (weight, column) in weights.iter().zip(&columns[window]) {
-                        for (sum, moment) in moments.iter_mut().zip(column) {
-                            *sum += weight * moment;
-                        }
-                    }
-                    values[col] = similarity(moments, range);
-                    windows[col] = true;
-                }
-            }
-        });
+    if rows < WINDOW || cols < WINDOW {
+        return Ok(SsimMap { values, valid: windows });
+    }
+    let known = |map: &Grid<f32>| -> Vec<f64> {
+        let cells = map.as_slice().iter().zip(valid.as_slice());
+        cells.map(|(z, ok)| if *ok { f64::from(*z) } else { 0.0 }).collect()
+    };
+    let (a, b) = (known(output), known(truth));
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<f64>>();
+    let void: Vec<f64> = valid.as_slice().iter().map(|ok| if *ok { 0.0 } else { 1.0 }).collect();
+    let moments: Vec<Vec<f64>> = [product(&a, &a), product(&b, &b), product(&a, &b), a, b, void]
+        .par_iter()
+        .map(|moment| window_means(moment, rows, cols))
+        .collect();
+    let [aa, bb, ab, a, b, void] = &moments[..] else { unreachable!("six moments") };
+    let inside = cols + 1 - WINDOW;
+    for (i, _) in void.iter().enumerate().filter(|(_, share)| **share == 0.0) {
+        let at = Cell::new(i / inside + RADIUS, i % inside + RADIUS);
+        values[at] = similarity([a[i], b[i], aa[i], bb[i], ab[i]], range).0;
+        windows[at] = true;
+    }
     Ok(SsimMap { values, valid: windows })
 }
 
-/// Equation 13 of Wang et al. from the means of a, b, aa, bb and ab.
-fn similarity([a, b, aa, bb, ab]: [f64; 5], range: f64) -> f64 {
+/// Equation 13 of Wang et al. from the means of a, b, aa, bb and ab over a window, and its derivatives by those of a, aa and ab.
+pub(crate) fn similarity([a, b, aa, bb, ab]: [f64; 5], range: f64) -> (f64, [f64; 3]) {
     let (c1, c2) = ((K1 * range).powi(2), (K2 * range).powi(2));
-    let (var_a, var_b, cov) = (aa - a * a, bb - b * b, ab - a * b);
-    (2.0 * a * b + c1) * (2.0 * cov + c2) / ((a * a + b * b + c1) * (var_a + var_b + c2))
+    let a1 = 2.0 * a * b + c1;
+    let a2 = 2.0 * (ab - a * b) + c2;
+    let b1 = a * a + b * b + c1;
+    let b2 = (aa - a * a) + (bb - b * b) + c2;
+    let ssim = a1 * a2 / (b1 * b2);
+    let by_ab = 2.0 * a1 / (b1 * b2);
+    let by_aa = -ssim / b2;
+    let by_a = 2.0 * b * a2 / (b1 * b2) - 2.0 * a * ssim / b1 - 2.0 * a * by_aa - b * by_ab;
+    (ssim, [by_a, by_aa, by_ab])
 }
 
+/// Weights of the window along one side.
 fn gaussian() -> [f64; WINDOW] {
     let mut weights = std::array::from_fn(|k| {
         let x = k as f64 - RADIUS as f64;
@@ -120,10 +110,53 @@ fn gaussian() -> [f64; WINDOW] {
     weights
 }
 
+/// Weighted means over every window that lies inside: (rows, cols) -> (rows - 10, cols - 10).
+pub(crate) fn window_means(x: &[f64], rows: usize, cols: usize) -> Vec<f64> {
+    let w = gaussian();
+    let (out_rows, out_cols) = (rows + 1 - WINDOW, cols + 1 - WINDOW);
+    let mut out = vec![0.0; out_rows * out_cols];
+    let mut line = vec![0.0; cols];
+    for (row, out) in out.chunks_exact_mut(out_cols).enumerate() {
+        line.fill(0.0);
+        for (tap, w) in w.iter().enumerate() {
+            for (l, x) in line.iter_mut().zip(&x[(row + tap) * cols..]) {
+                *l += w * x;
+            }
+        }
+        for (tap, w) in w.iter().enumerate() {
+            for (o, l) in out.iter_mut().zip(&line[tap..]) {
+                *o += w * l;
+            }
+        }
+    }
+    out
+}
+
+/// The adjoint of [`window_means`]: (rows - 10, cols - 10) -> (rows, cols).
+pub(crate) fn window_means_adjoint(d: &[f64], rows: usize, cols: usize) -> Vec<f64> {
+    let w = gaussian();
+    let out_cols = cols + 1 - WINDOW;
+    let mut out = vec![0.0; rows * cols];
+    let mut line = vec![0.0; cols];
+    for (row, d) in d.chunks_exact(out_cols).enumerate() {
+        line.fill(0.0);
+        for (tap, w) in w.iter().enumerate() {
+            for (l, d) in line[tap..].iter_mut().zip(d) {
+                *l += w * d;
+            }
+        }
+        for (tap, w) in w.iter().enumerate() {
+            for (o, l) in out[(row + tap) * cols..].iter_mut().zip(&line) {
+                *o += w * l;
+            }
+        }
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Cell;
     use proptest::prelude::*;
 
     fn patches() -> impl Strategy<Value = (Grid<f32>, Grid<f32>)> {

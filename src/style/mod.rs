@@ -7,6 +7,7 @@
 mod config;
 mod detail;
 mod file;
+mod heights;
 mod learn;
 mod learned;
 mod recipe;

@@ -100,6 +100,30 @@ fn every_verb_has_help_with_examples_and_the_program_documents_its_exit_codes() 
     assert!(done(folder.path(), &["--version"]).out.starts_with("monadnock "));
 }
 
+/// A level of vector instructions that is none, or that the processor does not have, is refused, and those that it has are named.
+#[test]
+fn a_wrong_vector_level_is_named_with_those_allowed() {
+    let folder = temporary();
+    let with = |level: &str| {
+        let mut command = Command::cargo_bin("monadnock").unwrap();
+        let output = command
+            .current_dir(folder.path())
+            .env("MONADNOCK_VECTOR", level)
+            .args(["info", "sierra"])
+            .output();
+        let output = output.unwrap();
+        (output.status.code().unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    for level in ["wide", ""] {
+        let (code, message) = with(level);
+        assert_eq!(code, 1, "{message}");
+        let start = format!("error: MONADNOCK_VECTOR is {level:?}; allowed on this processor: scalar");
+        assert!(message.starts_with(&start), "{message}");
+    }
+    assert_eq!(with("scalar"), (0, String::new()));
+    assert!(done(folder.path(), &["--help"]).out.contains("MONADNOCK_VECTOR"));
+}
+
 /// The verbs that the help lists.
 fn verbs_of(help: &str) -> Vec<String> {
     let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1);

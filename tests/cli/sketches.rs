@@ -228,3 +228,88 @@ fn a_map_size_scales_the_drawing() {
     let help = done(at, &["help", "generate"]).out;
     assert!(help.contains("scaled"), "{help}");
 }
+
+/// A river with a tributary and a ridge beside them, without any height, on a map of 96 x 96.
+fn open_drawing(at: &std::path::Path, name: &str, heights: &str) {
+    let line = |kind: &str, points: &str| {
+        format!(
+            r#"{{"type":"Feature","properties":{{"kind":"{kind}"}},"geometry":{{"type":"LineString","coordinates":[{points}]}}}}"#
+        )
+    };
+    let features = [
+        line("valley", &format!("[48,10],[50,50{heights}],[44,95]")),
+        line("valley", "[10,20],[47,48]"),
+        line("ridge", "[80,10],[85,90]"),
+    ];
+    let text = format!(
+        r#"{{"type":"FeatureCollection","monadnock":{{"rows":96,"cols":96,"unit":"metres"}},"features":[{}]}}"#,
+        features.join(",")
+    );
+    std::fs::write(at.join(name), text).unwrap();
+}
+
+#[test]
+fn strokes_without_heights_are_filled_and_generated() {
+    let folder = temporary();
+    let at = folder.path();
+    done(at, &["train", "sierra", "-o", "s.safetensors", "--crop", "64,64,96", "--epochs", "1", "-q"]);
+    open_drawing(at, "open.geojson", "");
+    let fill = ["sketch", "fill", "open.geojson", "--style", "s.safetensors", "-o", "filled.geojson"];
+    let answer = done(at, &fill);
+    for word in [
+        "strokes without heights: 3",
+        "with some of them: 0",
+        "sketch fill",
+        "feature 1",
+        "filled.geojson: 3 strokes",
+    ] {
+        assert!(answer.out.contains(word), "{word:?} is missing in: {}", answer.out);
+    }
+    let info: Value = serde_json::from_str(&done(at, &["info", "open.geojson", "--json"]).out).unwrap();
+    assert_eq!(info["vertices_without_height"], 7);
+    let filled: Value = serde_json::from_str(&done(at, &["info", "filled.geojson", "--json"]).out).unwrap();
+    assert_eq!((&filled["vertices_without_height"], &filled["unit"]), (&0.into(), &"metres".into()));
+    let style: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
+    let relief =
+        style["normalization"]["high"].as_f64().unwrap() - style["normalization"]["low"].as_f64().unwrap();
+    let height = |key: &str| filled["elevation"][key].as_f64().unwrap();
+    assert!((0.02 * relief..1.5 * relief).contains(&(height("highest") - height("lowest"))), "{filled}");
+    // What `generate` does by itself is what `sketch fill` shows.
+    let terrain = |sketch: &str, out: &str| {
+        let answer = done(at, &["generate", "s.safetensors", "--sketch", sketch, "-o", out]);
+        (answer.out, std::fs::read(at.join(out)).unwrap())
+    };
+    let (said, own) = terrain("open.geojson", "own.tif");
+    assert!(said.contains("strokes without heights: 3"), "{said}");
+    assert!(own == terrain("filled.geojson", "filled.tif").1);
+    // A given height stays, to the bit.
+    open_drawing(at, "some.geojson", ",2345.678");
+    let fill =
+        ["sketch", "fill", "some.geojson", "--style", "s.safetensors", "-o", "some-filled.geojson", "-q"];
+    done(at, &fill);
+    assert!(
+        std::fs::read_to_string(at.join("some-filled.geojson")).unwrap().contains("[50.0,50.0,2345.678]")
+    );
+    // A style without terrain cannot say.
+    done(
+        at,
+        &[
+            "train",
+            "sierra",
+            "-o",
+            "n.safetensors",
+            "--crop",
+            "64,64,96",
+            "--epochs",
+            "1",
+            "--no-detail",
+            "-q",
+        ],
+    );
+    fails(
+        at,
+        &["generate", "n.safetensors", "--sketch", "open.geojson", "-o", "x.tif"],
+        1,
+        &["n.safetensors", "terrain of the style", "not kept", "patches"],
+    );
+}

@@ -101,7 +101,6 @@ fn info_of_a_style_is_a_summary_and_its_json_is_everything() {
         "SSIM",
         "PSNR",
         "l_gt",
-        "peak memory",
         "last losses",
         "exemplar",
         "parameters",

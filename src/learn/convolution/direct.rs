@@ -12,8 +12,8 @@ use std::ops::Range;
 
 /// Pixels of a tile on machines with 32 registers of 16 lanes: 12 x 2 sums, 2 weights and a broadcast fill them.
 const TILE_32: usize = 12;
-/// Pixels of a tile elsewhere: 5 x 2 sums, 2 weights and a broadcast of 16 registers.
-const TILE_16: usize = 5;
+/// Pixels of a tile elsewhere: 6 x 2 sums, 2 weights and a broadcast of 16 registers.
+const TILE_16: usize = 6;
 /// Pixels of a tile at the end of a row.
 const TILE_END: usize = 4;
 /// One task of a convolution.

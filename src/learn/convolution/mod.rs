@@ -15,18 +15,22 @@
 #[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
 mod direct;
 mod finish;
+#[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
+mod general;
+mod kernel;
 mod op;
 mod plane;
 #[allow(clippy::needless_range_loop, reason = "an index names the same register of several sums")]
 mod winograd;
 
 pub use finish::Finish;
+pub use kernel::Kernel;
 pub use op::convolve3;
 pub use plane::{Image, Plane};
 
 use crate::error::{Error, Result};
+use crate::machine;
 use finish::Rows;
-use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -87,7 +91,7 @@ pub fn convolve<'a>(input: impl Into<Image<'a>>, weights: &[f32], out: &mut Plan
         first: task * ROWS,
         finish,
     });
-    let arch = Arch::new();
+    let arch = machine::arch();
     if many(channels, out_channels) {
         let mut transformed = vec![0.0; winograd::TERMS * channels * out_channels];
         arch.dispatch(winograd::TransformWeights { weights, out: &mut transformed });
@@ -118,7 +122,7 @@ pub fn add_weight_gradient<'a>(input: impl Into<Image<'a>>, delta: &Plane, gradi
     assert_eq!((input.rows, input.cols), (rows + 2, cols + 2), "the output is two cells narrower");
     assert_eq!(gradient.len(), 9 * channels * out_channels, "nine taps");
     check_channels(channels, out_channels).expect("channels that exist");
-    let arch = Arch::new();
+    let arch = machine::arch();
     if many(channels, out_channels) {
         let (tile_rows, tile_cols) = (rows.div_ceil(2), cols.div_ceil(2));
         let count = (tile_rows * tile_cols / TILES).clamp(2, PIECES);

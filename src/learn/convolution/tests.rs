@@ -54,6 +54,118 @@ fn equals_candle_forward_and_backward() {
     }
 }
 
+/// candle's convolution of any side and stride in double precision, from and to our layout.
+fn kernel_twin(image: &Tensor, weights: &Tensor, side: usize, stride: usize) -> Tensor {
+    let (_, channels, out_channels) = weights.dims3().unwrap();
+    let image = image.permute((2, 0, 1)).unwrap().unsqueeze(0).unwrap().contiguous().unwrap();
+    let weights = weights.reshape((side, side, channels, out_channels)).unwrap();
+    let weights = weights.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
+    let out = image.conv2d(&weights, 0, stride, 1, 1).unwrap();
+    out.squeeze(0).unwrap().permute((1, 2, 0)).unwrap().contiguous().unwrap()
+}
+
+/// (side, stride, channels, output channels): every kind of tile and group end, with inputs that strides leave over, and pairs
+/// that have a fast way.
+const KERNELS: [(usize, usize, usize, usize); 12] = [
+    (1, 1, 5, 40),
+    (1, 1, 33, 1),
+    (2, 1, 3, 7),
+    (2, 2, 4, 9),
+    (3, 1, 24, 48),
+    (3, 1, 32, 64),
+    (3, 1, 32, 3),
+    (3, 2, 6, 33),
+    (4, 1, 7, 65),
+    (4, 2, 64, 16),
+    (4, 2, 3, 3),
+    (3, 1, 130, 512),
+];
+
+#[test]
+fn kernels_of_all_sizes_equal_candle_forward_and_backward() {
+    for (side, stride, channels, out_channels) in KERNELS {
+        for (rows, cols) in [(4, 4), (9, 14), (8, 33)] {
+            let kernel = Kernel::new(side, stride).unwrap();
+            let mut params = ParamStore::new(Seed(5));
+            let image = params.normal("image", (rows, cols, channels), 1.0).unwrap();
+            let weights = params.normal("weights", (side * side, channels, out_channels), 1.0).unwrap();
+            let (out_rows, out_cols) = (kernel.outputs(rows), kernel.outputs(cols));
+            let shape = (out_rows, out_cols, out_channels);
+            let toward = flat(&ParamStore::new(Seed(6)).normal("toward", shape, 1.0).unwrap());
+            let (pixels, taps) = (flat(&image), flat(&weights));
+            let input = Image::new(rows, cols, channels, &pixels);
+            let mut out = Plane::zeros(out_rows, out_cols, out_channels, 1);
+            kernel.convolve(input, &taps, &mut out, Finish::Store);
+            let mut delta = Plane::zeros(out_rows, out_cols, out_channels, kernel.frame());
+            for (row, values) in toward.chunks_exact(out_cols * out_channels).enumerate() {
+                delta.row_mut(row).copy_from_slice(values);
+            }
+            let mut d_weights = vec![0.0; taps.len()];
+            kernel.add_weight_gradient(input, &delta, &mut d_weights);
+            let mut d_image = Plane::zeros(rows, cols, channels, 0);
+            d_image.values_mut().fill(7.0);
+            kernel.input_gradient(&delta, &taps, &mut d_image, Finish::Store);
+
+            let var = |t: &Tensor| candle_core::Var::from_tensor(&t.to_dtype(DType::F64).unwrap()).unwrap();
+            let (image, weights) = (var(&image), var(&weights));
+            let twin = kernel_twin(&image, &weights, side, stride);
+            let toward = Tensor::from_vec(toward, shape, &Device::Cpu).unwrap().to_dtype(DType::F64).unwrap();
+            let gradients = (&twin * toward).unwrap().sum_all().unwrap().backward().unwrap();
+            let what = format!("{side}x{side} by {stride}, {channels} -> {out_channels} at {rows}x{cols}");
+            let got: Vec<f32> = (0..out_rows).flat_map(|row| out.row(row).to_vec()).collect();
+            assert_close(&what, &got, &flat(&twin), 1e-5);
+            assert_close(
+                &format!("{what}, input"),
+                d_image.values(),
+                &flat(gradients.get(&image).unwrap()),
+                1e-5,
+            );
+            assert_close(
+                &format!("{what}, weights"),
+                &d_weights,
+                &flat(gradients.get(&weights).unwrap()),
+                1e-5,
+            );
+        }
+    }
+}
+
+/// The direct sum is the oracle of the fast ways.
+#[test]
+fn fast_ways_equal_the_direct_sum() {
+    let values = |n: usize, seed: u64| flat(&ParamStore::new(Seed(seed)).normal("x", n, 1.0).unwrap());
+    for (channels, out_channels) in PAIRS {
+        let input = Plane::from_values(13, 20, channels, values(13 * 20 * channels, 1));
+        let weights = values(9 * channels * out_channels, 2);
+        let bias = values(out_channels, 3);
+        let finish = Finish::Activate { bias: &bias, leak: 0.2 };
+        let [mut fast, mut direct] = [(); 2].map(|()| Plane::zeros(11, 18, out_channels, 2));
+        convolve(&input, &weights, &mut fast, finish);
+        general::forward(3, 1, (&input).into(), &weights, &mut direct, finish);
+        assert_close("forward", fast.values(), direct.values(), 1e-5);
+        let [mut a, mut b] = [(); 2].map(|()| vec![0.5; weights.len()]);
+        add_weight_gradient(&input, &fast, &mut a);
+        general::add_weight_gradient(3, 1, (&input).into(), &fast, &mut b);
+        assert_close("weights", &a, &b, 1e-5);
+        if check_channels(out_channels, channels).is_ok() {
+            let [mut a, mut b] = [(); 2].map(|()| Plane::zeros(13, 20, channels, 0));
+            let by = values(13 * 20 * channels, 4);
+            let finish = Finish::Damp { by: &by, leak: 0.3 };
+            convolve(&fast, &turned(&weights, channels, out_channels), &mut a, finish);
+            general::input_gradient(3, 1, 0, &fast, &weights, &mut b, finish);
+            assert_close("input", a.values(), b.values(), 1e-5);
+        }
+    }
+}
+
+#[test]
+fn kernels_that_do_not_exist_are_refused() {
+    for (side, stride) in [(0, 1), (5, 1), (3, 0), (3, 3), (1, 2)] {
+        assert!(Kernel::new(side, stride).is_err(), "{side} {stride}");
+    }
+    assert_eq!(Kernel::new(4, 2).unwrap().outputs(11), 4);
+}
+
 /// The sum of squares of the output is quadratic in every input: central differences are exact but for rounding.
 #[test]
 fn gradients_equal_finite_differences() {

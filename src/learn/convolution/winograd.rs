@@ -20,12 +20,14 @@ pub(super) const TERMS: usize = 16;
 const RUN: usize = 24;
 /// Tiles of one product on machines with 32 registers of 16 lanes: 12 x 2 sums, 2 weights and a broadcast fill them.
 const TILES_32: usize = 12;
-/// The same for 16 registers.
-const TILES_16: usize = 4;
+/// The same for 16 registers: 6 x 2 sums, 2 weights and a broadcast.
+const TILES_16: usize = 6;
 /// Input channels whose weight gradients are summed together, two registers of output channels each.
 const BLOCK_32: usize = 8;
 /// The same for 16 registers.
-const BLOCK_16: usize = 4;
+const BLOCK_16: usize = 6;
+/// The same for the channels that are left over: 32, 64 and 128 are some sixes and one or two fours.
+const BLOCK_END: usize = 4;
 
 /// G g G': the transform of weights (9, values) to (16, values).
 pub(super) struct TransformWeights<'a> {
@@ -392,22 +394,18 @@ impl WithSimd for Weights<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (self.input.channels, S::F32_LANES) {
-            (32, 16) => self.run::<S, 32, BLOCK_32>(simd),
-            (64, 16) => self.run::<S, 64, BLOCK_32>(simd),
-            (128, 16) => self.run::<S, 128, BLOCK_32>(simd),
-            (32, _) => self.run::<S, 32, BLOCK_16>(simd),
-            (64, _) => self.run::<S, 64, BLOCK_16>(simd),
-            (128, _) => self.run::<S, 128, BLOCK_16>(simd),
-            (n, _) => unreachable!("{n} channels passed the check"),
+        match self.input.channels {
+            32 => self.run::<S, 32>(simd),
+            64 => self.run::<S, 64>(simd),
+            128 => self.run::<S, 128>(simd),
+            n => unreachable!("{n} channels passed the check"),
         }
     }
 }
 
 impl Weights<'_> {
-    /// `B` input channels at a time.
     #[inline(always)]
-    fn run<S: Simd, const C: usize, const B: usize>(self, simd: S) {
+    fn run<S: Simd, const C: usize>(self, simd: S) {
         let tiles = self.delta.cols().div_ceil(2);
         let registers = self.delta.channels() / S::F32_LANES;
         let mut inputs = Scratch::new(C, S::F32_LANES);
@@ -423,7 +421,7 @@ impl Weights<'_> {
             for k in 0..TERMS {
                 let terms = &mut terms[k * C * registers..(k + 1) * C * registers];
                 let deltas = cast_slice(deltas.term(k));
-                accumulate::<S, C, B>(simd, inputs.term(k), deltas, registers, end - first, terms);
+                accumulate::<S, C>(simd, inputs.term(k), deltas, registers, end - first, terms);
             }
         }
     }
@@ -461,7 +459,7 @@ impl Weights<'_> {
 
 /// One of the sixteen sums over tiles: (count, C)' x (count, registers).
 #[inline(always)]
-fn accumulate<S: Simd, const C: usize, const B: usize>(
+fn accumulate<S: Simd, const C: usize>(
     simd: S,
     inputs: &[f32],
     deltas: &[S::f32s],
@@ -469,26 +467,51 @@ fn accumulate<S: Simd, const C: usize, const B: usize>(
     count: usize,
     terms: &mut [S::f32s],
 ) {
-    let (inputs, _) = inputs.as_chunks::<B>();
-    let blocks = C / B;
+    let (inputs, _) = inputs.as_chunks::<C>();
+    let inputs = &inputs[..count];
     for pair in 0..registers / 2 {
-        for block in 0..blocks {
-            let mut sums = [[simd.splat_f32s(0.0); 2]; B];
-            for i in 0..count {
-                let low = deltas[i * registers + 2 * pair];
-                let high = deltas[i * registers + 2 * pair + 1];
-                let values = &inputs[i * blocks + block];
-                for b in 0..B {
-                    let value = simd.splat_f32s(values[b]);
-                    sums[b][0] = simd.mul_add_e_f32s(value, low, sums[b][0]);
-                    sums[b][1] = simd.mul_add_e_f32s(value, high, sums[b][1]);
-                }
-            }
-            for b in 0..B {
-                let at = (block * B + b) * registers + 2 * pair;
-                terms[at] = simd.add_f32s(terms[at], sums[b][0]);
-                terms[at + 1] = simd.add_f32s(terms[at + 1], sums[b][1]);
+        let mut c = 0;
+        while c < C {
+            let left = C - c;
+            if S::F32_LANES == 16 {
+                accumulate_block::<S, C, BLOCK_32>(simd, inputs, deltas, registers, pair, c, terms);
+                c += BLOCK_32;
+            } else if left > BLOCK_16 && left != 2 * BLOCK_END {
+                accumulate_block::<S, C, BLOCK_16>(simd, inputs, deltas, registers, pair, c, terms);
+                c += BLOCK_16;
+            } else {
+                accumulate_block::<S, C, BLOCK_END>(simd, inputs, deltas, registers, pair, c, terms);
+                c += BLOCK_END;
             }
         }
+    }
+}
+
+/// The input channels `c..c + B` of [`accumulate`], two registers of output channels.
+#[inline(always)]
+fn accumulate_block<S: Simd, const C: usize, const B: usize>(
+    simd: S,
+    inputs: &[[f32; C]],
+    deltas: &[S::f32s],
+    registers: usize,
+    pair: usize,
+    c: usize,
+    terms: &mut [S::f32s],
+) {
+    let mut sums = [[simd.splat_f32s(0.0); 2]; B];
+    for i in 0..inputs.len() {
+        let low = deltas[i * registers + 2 * pair];
+        let high = deltas[i * registers + 2 * pair + 1];
+        let values: &[f32; B] = inputs[i][c..].first_chunk().expect("channels of the block");
+        for b in 0..B {
+            let value = simd.splat_f32s(values[b]);
+            sums[b][0] = simd.mul_add_e_f32s(value, low, sums[b][0]);
+            sums[b][1] = simd.mul_add_e_f32s(value, high, sums[b][1]);
+        }
+    }
+    for b in 0..B {
+        let at = (c + b) * registers + 2 * pair;
+        terms[at] = simd.add_f32s(terms[at], sums[b][0]);
+        terms[at + 1] = simd.add_f32s(terms[at + 1], sums[b][1]);
     }
 }

@@ -74,6 +74,10 @@ pub(super) fn lines_of(
     if let Some(heights) = properties.heights(notes)? {
         take_heights(&mut shapes, &heights, &name, options, notes)?;
     }
+    let zeros = |shape: &Shape| shape.points.iter().all(|p| p.z.is_some_and(|z| z.value == 0.0));
+    for shape in shapes.iter_mut().filter(|shape| options.zero_unknown && zeros(shape)) {
+        shape.points.iter_mut().for_each(|point| point.z = None);
+    }
     Ok(shapes.into_iter().map(|shape| RawLine { kind, name: shape.name, points: shape.points }).collect())
 }
 

@@ -131,7 +131,7 @@ pub(super) fn name_zeros(unit: HeightUnit, lines: &[RawLine], notes: &mut Notes)
     let all: Vec<Vec<f64>> = lines.iter().map(given).collect();
     let mut heights = all.iter().flatten();
     if heights.clone().next().is_some() && heights.all(|z| *z == 0.0) {
-        notes.say("Every height of the sketch is 0: drawing tools write that when none was given.");
+        notes.say("Every height of the sketch is 0: drawing tools write that when none was given (--zero-unknown takes them for not known).");
         return;
     }
     if unit == HeightUnit::Normalised {
@@ -144,8 +144,8 @@ pub(super) fn name_zeros(unit: HeightUnit, lines: &[RawLine], notes: &mut Notes)
             continue;
         }
         if zeros == count {
-            let what = "with the height 0 from end to end, which drawing tools write when none was given: kept as 0 m; \
-                        write null, or leave z out, where it is not known";
+            let what = "with the height 0 from end to end, which drawing tools write when none was given: kept as 0 m \
+                        (--zero-unknown takes them for not known)";
             notes.line(what, &line.name);
             continue;
         }

@@ -45,6 +45,8 @@ pub struct ReadOptions {
     pub kind_property: Option<String>,
     /// The property with the heights, which then also overrules those in the coordinates.
     pub height_property: Option<String>,
+    /// Whether a line whose heights are all 0 counts as one without heights.
+    pub zero_unknown: bool,
     /// What to do about missing heights.
     pub missing_heights: MissingHeights,
 }

@@ -4,7 +4,7 @@
 use super::patches::as_keys;
 use super::search::{Packed, Table, least};
 use crate::control::Stop;
-use pulp::Arch;
+use crate::machine;
 use rayon::prelude::*;
 
 /// Keys of a cluster, in the mean.
@@ -92,7 +92,7 @@ impl Clusters {
         let each = PROBES.min(count);
         let mut probes = Vec::with_capacity(queries.len() / self.depth * each);
         let (mut costs, mut order) = (vec![0.0f32; count], Vec::with_capacity(count));
-        let arch = Arch::new();
+        let arch = machine::arch();
         for query in queries.chunks(self.depth) {
             arch.dispatch(
                 #[inline(always)]

@@ -7,7 +7,7 @@
 use super::search::Table;
 use super::synthesis::turned;
 use crate::grid::Grid;
-use pulp::Arch;
+use crate::machine;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -141,7 +141,7 @@ impl Layers {
             (out[depth - 2], out[depth - 1]) = (square, 1.0);
             contrast
         };
-        let arch = Arch::new();
+        let arch = machine::arch();
         let wide = |row| {
             arch.dispatch(
                 #[inline(always)]

@@ -6,8 +6,9 @@
 //! lane is kept, so that memory does not grow with the number of pairs.
 
 use crate::control::Stop;
+use crate::machine;
 use pulp::bytemuck::{cast_slice, cast_slice_mut};
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Keys that lie side by side: two registers of 16 lanes.
@@ -18,8 +19,8 @@ const PANEL: usize = 32;
 const CHUNK: usize = 128;
 /// Queries of a tile: 8 x 2 sums, 2 keys and a broadcast of 32 registers.
 const TILE_32: usize = 8;
-/// The same for 16 registers.
-const TILE_16: usize = 4;
+/// The same for 16 registers: 6 x 2 sums.
+const TILE_16: usize = 6;
 
 /// Rows of numbers, all of one length.
 pub(super) struct Table {
@@ -85,14 +86,7 @@ impl Packed {
         if count == 0 {
             return Vec::new();
         }
-        // Whole tiles: the last query fills the last one.
-        let mut padded = queries.to_vec();
-        while !(padded.len() / depth).is_multiple_of(TILE_32) {
-            padded.extend_from_slice(&queries[queries.len() - depth..]);
-        }
-        let lanes = padded.len() / depth * BLOCK;
-        let mut found = Found { cost: vec![f32::INFINITY; lanes], block: vec![0; lanes] };
-        Arch::new().dispatch(Search { queries: &padded, keys: &self.values, depth, found: &mut found });
+        let found = machine::arch().dispatch(Search { queries, keys: &self.values, depth });
         let best = |q: usize| {
             let lanes = q * BLOCK..(q + 1) * BLOCK;
             let each = found.cost[lanes.clone()].iter().zip(&found.block[lanes]).enumerate();
@@ -118,31 +112,33 @@ struct Search<'a> {
     /// (blocks, depth, [`BLOCK`])
     keys: &'a [f32],
     depth: usize,
-    found: &'a mut Found,
 }
 
 impl WithSimd for Search<'_> {
-    type Output = ();
+    type Output = Found;
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        if S::F32_LANES == 16 {
-            self.run::<S, TILE_32>(simd);
-        } else {
-            self.run::<S, TILE_16>(simd);
-        }
+    fn with_simd<S: Simd>(self, simd: S) -> Found {
+        if S::F32_LANES == 16 { self.run::<S, TILE_32>(simd) } else { self.run::<S, TILE_16>(simd) }
     }
 }
 
 impl Search<'_> {
     #[inline(always)]
-    fn run<S: Simd, const P: usize>(self, simd: S) {
+    fn run<S: Simd, const P: usize>(self, simd: S) -> Found {
         let depth = self.depth;
+        // Whole tiles: the last query fills the last one.
+        let mut queries = self.queries.to_vec();
+        while !(queries.len() / depth).is_multiple_of(P) {
+            queries.extend_from_slice(&self.queries[self.queries.len() - depth..]);
+        }
+        let lanes = queries.len() / depth * BLOCK;
+        let mut found = Found { cost: vec![f32::INFINITY; lanes], block: vec![0; lanes] };
         let registers = BLOCK / S::F32_LANES;
-        let cost: &mut [S::f32s] = cast_slice_mut(&mut self.found.cost);
-        let origin: &mut [S::u32s] = cast_slice_mut(&mut self.found.block);
+        let cost: &mut [S::f32s] = cast_slice_mut(&mut found.cost);
+        let origin: &mut [S::u32s] = cast_slice_mut(&mut found.block);
         let keys: &[S::f32s] = cast_slice(self.keys);
         for (p, panel) in keys.chunks(PANEL * depth * registers).enumerate() {
-            for (t, tile) in self.queries.chunks_exact(P * depth).enumerate() {
+            for (t, tile) in queries.chunks_exact(P * depth).enumerate() {
                 for pair in 0..registers / 2 {
                     let place = |q: usize| (t * P + q) * registers + 2 * pair;
                     let mut best = [[simd.splat_f32s(0.0); 2]; P];
@@ -180,5 +176,6 @@ impl Search<'_> {
                 }
             }
         }
+        found
     }
 }

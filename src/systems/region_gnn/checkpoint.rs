@@ -84,10 +84,11 @@ impl Resumable for Progress {
 /// # Errors
 /// When the file cannot be written.
 pub(super) fn save(path: &Path, progress: &Progress, params: &ParamStore, adam: &Adam) -> Result<()> {
-    let (mean, square) = adam.moments();
-    let kinds = [("weights", params.snapshot()?), ("mean", mean), ("square", square)];
+    let weights = params.snapshot()?;
+    let (mean, square): (Vec<&[f32]>, Vec<&[f32]>) = adam.moments().unzip();
+    let kinds = [("weights", weights.iter().map(|w| &w[..]).collect()), ("mean", mean), ("square", square)];
     let named = kinds.iter().flat_map(|(kind, all)| {
-        params.iter().zip(all).map(move |((name, _), values)| (format!("{kind}.{name}"), &values[..]))
+        params.iter().zip(all).map(move |((name, _), values)| (format!("{kind}.{name}"), *values))
     });
     progress.save(path, named)
 }

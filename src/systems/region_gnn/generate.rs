@@ -12,7 +12,7 @@ use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::interpolation::{Correction, CorrectionKind};
-use crate::learn::{Adam, Schedule, in_pool};
+use crate::learn::{Adam, Decay, Schedule, in_pool};
 use crate::matching::{MatchConfig, align};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, StrokeKind};
@@ -286,7 +286,12 @@ impl RegionGnn {
     ) -> Result<Tensor> {
         let embedding = Var::from_tensor(start)?;
         let mut adam = Adam::new(std::iter::once(&embedding));
-        let schedule = Schedule { peak: tuning.learning_rate, steps: tuning.steps, warm_up: 0.0, floor: 0.1 };
+        let schedule = Schedule {
+            peak: tuning.learning_rate,
+            steps: tuning.steps,
+            warm_up: 0.0,
+            decay: Decay::Cosine { floor: 0.1 },
+        };
         let graph = &sketch.graph;
         let shape = graph.shape();
         let lines = graph.line_cells().iter().map(|&i| i as usize).zip(graph.line_heights());

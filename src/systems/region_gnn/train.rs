@@ -8,14 +8,14 @@ use super::config::{Base, HeightFrame, LossWeights, NAME, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::edges::{PassEdges, Spare};
 use super::graph::RegionGraph;
-use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope, smooth};
+use super::losses::{Target, further, ground_truth, sketch_order, slope, smooth};
 use super::network::{Network, Output};
 use crate::control::{Control, Progress as Told, Stage, Stop};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::{Grid, Mask};
 use crate::interpolation::harmonic_until;
-use crate::learn::{Adam, Schedule, in_pool};
+use crate::learn::{Adam, Decay, Schedule, SsimLoss, in_pool};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};
@@ -201,7 +201,7 @@ pub fn train(
         return Err(Error::value("number of extractions", 0, "the exemplar needs at least one"));
     };
     let target = exemplar.target();
-    let objective = Objective { ssim: SsimLoss::new(&target), target, config };
+    let objective = Objective { ssim: target.ssim(), target, config };
     let weights = sample_weights(samples.iter().map(|(sample, _)| &*sample.graph), &objective.target);
     let network = Network::new(config, first.parts.len(), seed)?;
     let preparation_seconds = started.elapsed().as_secs_f64();
@@ -214,7 +214,12 @@ pub fn train(
     let (begun, spent) = (Instant::now(), progress.seconds);
     let elapsed = || spent + begun.elapsed().as_secs_f64();
     let budget = control.budget.map(|b| b.as_secs_f64() - preparation_seconds);
-    let schedule = Schedule { peak: config.learning_rate, steps: config.epochs, warm_up: 0.03, floor: 0.01 };
+    let schedule = Schedule {
+        peak: config.learning_rate,
+        steps: config.epochs,
+        warm_up: 0.03,
+        decay: Decay::Cosine { floor: 0.01 },
+    };
     let spare = Spare::default();
     let draw = |epoch: usize| {
         let seed = seed.derive_indexed("epoch", epoch);
@@ -500,7 +505,7 @@ mod tests {
         let far = candle_core::Var::new(0.4f32, &Device::Cpu).unwrap();
         let heights = candle_core::Var::from_vec(y, rows * cols, &Device::Cpu).unwrap();
         let output = Output { heights: heights.as_tensor().clone(), far_height: far.as_tensor().clone() };
-        let objective = Objective { ssim: SsimLoss::new(&target), target, config };
+        let objective = Objective { ssim: target.ssim(), target, config };
         let (losses, surrogate) = objective.evaluate(&sample, None, &output, Seed(9)).unwrap();
         let gradients = surrogate.backward().unwrap();
         let by_heights = gradients.get(&heights).unwrap().to_vec1().unwrap();

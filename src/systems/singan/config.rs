@@ -1,8 +1,8 @@
 //! Every setting of the detail model's training; [`DetailConfig::default`] is ours, [`DetailConfig::paper`] the published one.
 
-pub use super::network::Start;
 use crate::checked::Settings;
 use crate::error::{Error, Result};
+pub use crate::learn::layers::Start;
 use serde::{Deserialize, Serialize};
 
 /// The system's name in files and on the command line.
@@ -46,7 +46,7 @@ pub struct DetailConfig {
     pub batch_norm: bool,
     /// What the networks are shown.
     pub view: View,
-    /// How weights begin.
+    /// How weights begin; a generator's last layer at a tenth of it in `scaled`, so that a scale begins near the identity.
     pub start: Start,
     /// Whether the exemplar's rotations and reflections count as its own.
     pub symmetric: bool,

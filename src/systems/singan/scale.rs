@@ -2,7 +2,7 @@
 
 use super::config::{DetailConfig, View};
 use super::detail::ScaleInfo;
-use super::network::{Network, REACH, Shape, Tape};
+use super::network::{Network, REACH, Shape, input_mut, tape};
 use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
@@ -207,11 +207,12 @@ impl Scale {
         let lens = Lens { view, gain };
         let width = if index < 4 { config.width } else { config.fine_width };
         let shape = Shape { inputs: lens.generator_inputs(), width, batch_norm: false };
-        let good = values.len() == shape.value_count() && values.iter().all(|v| v.is_finite());
+        let net = shape.net();
+        let good = values.len() == net.value_count() && values.iter().all(|v| v.is_finite());
         let slopes = [info.slope, info.slope_of_twins];
         let positive = slopes.iter().all(|s| s.is_finite() && *s > 0.0);
         if !(good && positive && info.noise.is_finite() && info.output.is_finite()) {
-            let allowed = format!("allowed: {} finite values and positive slopes", shape.value_count());
+            let allowed = format!("allowed: {} finite values and positive slopes", net.value_count());
             return Err(Error::value(format!("detail of scale {index}"), values.len(), allowed));
         }
         let residual = Residual {
@@ -220,7 +221,7 @@ impl Scale {
             slope_of_exemplar: info.slope,
             slope_of_twins: info.slope_of_twins,
         };
-        let net = Network { shape, values, running: Vec::new() };
+        let net = Network { net, values };
         Ok(Self { net, lens, residual, noise: info.noise })
     }
 
@@ -275,13 +276,12 @@ impl Scale {
             .par_iter()
             .map(|&(row, col)| {
                 let (rows, cols) = (tile.min(rows - row), tile.min(cols - col));
-                let mut tape = Tape::new(self.net.shape, rows, cols);
-                if stop.is_raised() {
-                    return tape.out;
+                let mut tape = tape(&self.net.net, rows, cols);
+                if !stop.is_raised() {
+                    self.lens.look(&framed, &noise, row, col, input_mut(&mut tape));
+                    tape.forward(&self.net.values, None);
                 }
-                self.lens.look(&framed, &noise, row, col, &mut tape.input);
-                tape.forward(&self.net, None);
-                tape.out
+                tape.output(0).clone()
             })
             .collect();
         let mut map = up.clone();

@@ -8,17 +8,15 @@
 use super::checkpoint;
 use super::config::{DetailConfig, NAME, View};
 use super::detail::Detail;
-use super::network::{LAYERS, Network, Shape, Tape};
-use super::optimizer::Adam;
-use super::penalty::Penalty;
+use super::network::{Network, Shape, input_delta, input_mut, tape};
 use super::scale::{Lens, Noise, Residual, Scale};
 use crate::checked::Settings;
 use crate::control::{Control, Progress, Stage};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
-use crate::learn::convolution::Plane;
-use crate::learn::in_pool;
+use crate::learn::gan::{Game, Length, Loss, NormOver, Player, Turn, add_gradient_penalty, play};
+use crate::learn::layers::Tape;
 use crate::metrics::{mean_square_slope, psnr};
 use crate::seed::{Seed, Stream};
 use rand::RngExt;
@@ -86,7 +84,7 @@ pub fn train(
     let elapsed = || spent + begun.elapsed().as_secs_f64();
     let work = config.work(rows, cols);
     let all_work = work.iter().sum::<u64>() as f64;
-    let mut before: Option<(Network, Network)> = None;
+    let mut before: Option<[Player; 2]> = None;
     let mut saved = Instant::now();
     for scale in first..sizes.len() {
         let seed = seed.derive_indexed("scale", scale);
@@ -95,67 +93,59 @@ pub fn train(
             _ => resample(&detail.rebuilt(), sizes[scale].0, sizes[scale].1),
         };
         let mut room = Room::new(config, &pyramid[..=scale], &twins, &detail, up, seed);
-        if let Some((generator, critic)) = &before {
-            room.begin(generator, critic);
+        if let Some(before) = &before {
+            room.begin(before);
         }
-        let (mut step, mut scale_spent) = (0, 0.0);
+        let mut done = (0, 0.0);
         if let Some(state) = resumed.take() {
-            (step, scale_spent) = (state.progress.step, state.progress.scale_seconds);
+            done = (state.progress.step, state.progress.scale_seconds);
             room.restore(state)?;
         }
-        let scale_begun = Instant::now();
-        let time = control.budget.map(|b| b.as_secs_f64() * work[scale] as f64 / all_work);
-        loop {
-            let seconds = scale_spent + scale_begun.elapsed().as_secs_f64();
-            // Of a budget every scale gets at least one step.
-            let share = time.map_or(step as f64 / config.steps as f64, |t| seconds / t.max(1e-9));
-            if share >= 1.0 && (step > 0 || time.is_none()) {
-                break;
-            }
-            control.stop.check()?;
-            let done = in_pool(|| room.step(step, share.min(1.0) as f32));
-            let losses = [done.critic, done.penalty, done.reconstruction];
+        let time = control.budget.map(|b| b.mul_f64(work[scale] as f64 / all_work));
+        let length = Length { steps: config.steps, time, done };
+        let work_before: u64 = work[..scale].iter().sum();
+        let steps = play(&mut room, length, &control.stop, |room, step, scale_seconds, told| {
+            let losses = [told.critic, told.penalty, told.reconstruction];
             if let Some(&value) = losses.iter().find(|v| !v.is_finite()) {
                 let epoch = scale * config.steps + step;
                 return Err(Error::Diverged { epoch, what: "a loss of the detail model", value });
             }
-            step += 1;
-            let before: u64 = work[..scale].iter().sum();
             let share = match time {
-                Some(time) => (scale_spent + scale_begun.elapsed().as_secs_f64()) / time.max(1e-9),
-                None => step as f64 / config.steps as f64,
+                Some(time) => scale_seconds / time.as_secs_f64().max(1e-9),
+                None => (step + 1) as f64 / config.steps as f64,
             };
             (control.progress)(&Progress {
                 stage: Stage::Detail(NAME),
-                step: detail.record.steps.iter().sum::<usize>() + step,
+                step: detail.record.steps.iter().sum::<usize>() + step + 1,
                 steps: sizes.len() * config.steps,
-                share: (before as f64 + work[scale] as f64 * share.min(1.0)) / all_work,
+                share: (work_before as f64 + work[scale] as f64 * share.min(1.0)) / all_work,
                 seconds: elapsed(),
                 figures: &[
                     ("scale", (scale + 1) as f64),
-                    ("critic", done.critic),
-                    ("penalty", done.penalty),
-                    ("reconstruction", done.reconstruction),
+                    ("critic", told.critic),
+                    ("penalty", told.penalty),
+                    ("reconstruction", told.reconstruction),
                 ],
             });
             if let Some(c) = control.checkpoints.as_ref().filter(|c| saved.elapsed() >= c.interval) {
                 let progress = checkpoint::Progress {
                     identity: identity.clone(),
                     steps: detail.record.steps.clone(),
-                    step,
+                    step: step + 1,
                     seconds: elapsed(),
-                    scale_seconds: scale_spent + scale_begun.elapsed().as_secs_f64(),
+                    scale_seconds,
                     scales: detail.scales.iter().map(Scale::info).collect(),
-                    optimizer_steps: [0, 1].map(|i: usize| room.optimizers[i].state().0),
+                    optimizer_steps: [room.generator.steps(), room.critic.steps()],
                 };
                 checkpoint::save(&c.path, &progress, &detail.scales, &room.state())?;
                 saved = Instant::now();
             }
-        }
+            Ok(())
+        })?;
         let trained = room.trained();
-        before = Some((room.generator, room.critic));
+        before = Some([room.generator, room.critic]);
         detail.scales.push(trained);
-        detail.record.steps.push(step);
+        detail.record.steps.push(steps);
     }
     detail.record.seconds = elapsed();
     let rebuilt = detail.reconstruct().map(|z| z.clamp(0.0, 1.0));
@@ -192,13 +182,10 @@ struct Room<'a> {
     noise: f32,
     rec_up: Grid<f32>,
     rec_noise: Option<Grid<f32>>,
-    generator: Network,
-    critic: Network,
-    optimizers: [Adam; 2],
+    generator: Player,
+    critic: Player,
     makes: Tape,
     judges: Tape,
-    penalty: Penalty,
-    d_judged: Plane,
     seed: Seed,
     draws: Stream,
 }
@@ -239,8 +226,12 @@ impl<'a> Room<'a> {
         };
         let rec_noise = (scale == 0).then(|| noise_field(lens, rows, cols, &mut seed.stream(FIXED_NOISE)));
         let map = (rows - 10 - lens.loss(), cols - 10 - lens.loss());
-        let generator = Network::new(generator, config.start, 0.1, seed.derive("generator"));
-        let critic = Network::new(critic, config.start, 1.0, seed.derive("critic"));
+        let player = |shape: Shape, last: f32, name: &str| {
+            let net = shape.net();
+            let values = net.start(config.start, last, seed.derive(name));
+            Player::new(net, values, config.momentum)
+        };
+        let (generator, critic) = (player(generator, 0.1, "generator"), player(critic, 1.0, "critic"));
         Self {
             config,
             pyramid,
@@ -251,11 +242,8 @@ impl<'a> Room<'a> {
             noise,
             rec_up,
             rec_noise,
-            optimizers: [&generator, &critic].map(|net| Adam::new(net.values.len(), config.momentum)),
-            makes: Tape::new(generator.shape, rows, cols),
-            judges: Tape::new(critic.shape, map.0, map.1),
-            penalty: Penalty::new(critic.shape, map.0, map.1),
-            d_judged: Plane::zeros(rows - lens.loss(), cols - lens.loss(), lens.critic_inputs(), 0),
+            makes: tape(&generator.net, rows, cols),
+            judges: tape(&critic.net, map.0, map.1),
             generator,
             critic,
             draws: seed.stream("training"),
@@ -264,55 +252,28 @@ impl<'a> Room<'a> {
     }
 
     /// Starts from the weights of the scale before where the widths agree (SinGAN's published code).
-    fn begin(&mut self, generator: &Network, critic: &Network) {
-        for (net, before) in [(&mut self.generator, generator), (&mut self.critic, critic)] {
-            if before.shape == net.shape {
-                *net = before.clone();
+    fn begin(&mut self, before: &[Player; 2]) {
+        for (player, before) in [&mut self.generator, &mut self.critic].into_iter().zip(before) {
+            if before.net == player.net {
+                player.begin_with(before);
             }
         }
     }
 
     /// Everything that the steps so far have changed, by name.
     fn state(&self) -> Vec<(String, &[f32])> {
-        let mut state = Vec::new();
-        for ((name, net), adam) in self.networks().into_iter().zip(&self.optimizers) {
-            let (_, mean, square) = adam.state();
-            for (what, values) in [("values", &net.values[..]), ("mean", mean), ("square", square)] {
-                state.push((format!("{name}.{what}"), values));
-            }
-            for (i, moments) in net.running.iter().enumerate() {
-                state.push((format!("{name}.running.{i}.mean"), &moments.mean[..]));
-                state.push((format!("{name}.running.{i}.variance"), &moments.variance[..]));
-            }
-        }
-        state
-    }
-
-    fn networks(&self) -> [(&'static str, &Network); 2] {
-        [("generator", &self.generator), ("critic", &self.critic)]
+        [self.generator.state("generator"), self.critic.state("critic")].concat()
     }
 
     /// Continues from a [`state`](Self::state) that was read.
     fn restore(&mut self, state: checkpoint::State) -> Result<()> {
         let checkpoint::State { progress, mut numbers, .. } = state;
-        let steps = progress.optimizer_steps;
-        for (i, (name, net)) in
-            [("generator", &mut self.generator), ("critic", &mut self.critic)].into_iter().enumerate()
-        {
-            let count = net.values.len();
-            net.values = numbers.take(&format!("{name}.values"), count)?;
-            let mean = numbers.take(&format!("{name}.mean"), count)?;
-            self.optimizers[i].restore(steps[i], mean, numbers.take(&format!("{name}.square"), count)?);
-            for (l, moments) in net.running.iter_mut().enumerate() {
-                let count = moments.mean.len();
-                moments.mean = numbers.take(&format!("{name}.running.{l}.mean"), count)?;
-                moments.variance = numbers.take(&format!("{name}.running.{l}.variance"), count)?;
-            }
-        }
-        Ok(())
+        let [made, judged] = progress.optimizer_steps;
+        self.generator.restore("generator", made, &mut numbers)?;
+        self.critic.restore("critic", judged, &mut numbers)
     }
 
-    fn step(&mut self, step: usize, share: f32) -> Step {
+    fn both_turns(&mut self, step: usize, share: f32) -> Step {
         let rate = self.config.rate(share);
         // A stream of its own for every step: an interrupted training needs no position in it.
         self.draws = self.seed.derive_indexed("training step", step).stream("draws");
@@ -375,12 +336,11 @@ impl<'a> Room<'a> {
     /// The generator's map.
     fn make(&mut self, up: &Grid<f32>, field: Option<&Grid<f32>>) -> Grid<f32> {
         let noise = Noise { field, amplitude: self.noise };
-        self.lens.look(&self.lens.frame(up), &noise, 0, 0, &mut self.makes.input);
-        let mut running = std::mem::take(&mut self.generator.running);
-        self.makes.forward(&self.generator, Some(&mut running));
-        self.generator.running = running;
+        self.lens.look(&self.lens.frame(up), &noise, 0, 0, input_mut(&mut self.makes));
+        let Player { values, running, .. } = &mut self.generator;
+        self.makes.forward(values, Some(running));
         let mut map = up.clone();
-        for (z, out) in map.as_mut_slice().iter_mut().zip(self.makes.out.values()) {
+        for (z, out) in map.as_mut_slice().iter_mut().zip(self.makes.output(0).values()) {
             *z += self.residual.height(*out);
         }
         map
@@ -392,40 +352,38 @@ impl<'a> Room<'a> {
         let real = turned(&self.pyramid[self.pyramid.len() - 1], turn);
         let mut gradient = vec![0.0; self.critic.values.len()];
         let mut apart = 0.0;
-        for (map, sign) in [(&real, -1.0), (fake, 1.0)] {
-            self.lens.judge(map, &mut self.judges.input);
-            self.judges.forward(&self.critic, None);
-            apart -= f64::from(sign) * mean(self.judges.out.values());
-            self.fill_judgement(sign);
-            self.judges.backward(&self.critic, Some(&mut gradient), None);
+        for (map, turn) in [(&real, Turn::Real), (fake, Turn::Made)] {
+            apart -= self.judge(map, turn);
+            self.judges.backward(&self.critic.values, Some(&mut gradient), false);
         }
         // The published code draws one share for the whole map.
         let share: f32 = self.draws.random();
         let mixed = real.as_slice().iter().zip(fake.as_slice()).map(|(r, f)| share * r + (1.0 - share) * f);
         let mixed = Grid::from_vec(real.rows(), real.cols(), mixed.collect()).expect("the real map's shape");
-        self.lens.judge(&mixed, &mut self.judges.input);
-        let weight = self.config.penalty;
-        let penalty = self.penalty.add(&self.critic, &mut self.judges, weight, &mut gradient);
-        self.optimizers[1].update(&mut self.critic.values, &gradient, rate);
+        self.lens.judge(&mixed, input_mut(&mut self.judges));
+        let (weight, over) = (self.config.penalty, NormOver::Pixel);
+        let input = self.critic.net.inputs().next().expect("an input");
+        let values = &self.critic.values;
+        let penalty = add_gradient_penalty(&mut self.judges, values, input, over, weight, &mut gradient);
+        self.critic.descend(&gradient, rate);
         (apart, penalty)
     }
 
-    /// Fills the gradient of the critic's map with that of `sign` times its mean.
-    fn fill_judgement(&mut self, sign: f32) {
-        let last = &mut self.judges.deltas[LAYERS - 1];
-        let value = sign / (last.rows() * last.cols()) as f32;
-        (0..last.rows()).for_each(|row| last.row_mut(row).fill(value));
+    /// The critic's loss of a map, its gradient ready for the way back.
+    fn judge(&mut self, map: &Grid<f32>, turn: Turn) -> f64 {
+        self.lens.judge(map, input_mut(&mut self.judges));
+        self.judges.forward(&self.critic.values, None);
+        let scores = self.judges.output(0).clone();
+        Loss::Wasserstein.of(turn, &scores, 1.0, self.judges.output_delta(0))
     }
 
     /// One update of the generator, whose last pass made `fake`: the squared reconstruction error.
     fn teach_generator(&mut self, fake: &Grid<f32>, rate: f32) -> f64 {
         let (rows, cols) = fake.shape();
         let mut gradient = vec![0.0; self.generator.values.len()];
-        self.lens.judge(fake, &mut self.judges.input);
-        self.judges.forward(&self.critic, None);
-        self.fill_judgement(-1.0);
-        self.judges.backward(&self.critic, None, Some(&mut self.d_judged));
-        let d_map = self.lens.judge_adjoint(&self.d_judged, rows, cols);
+        self.judge(fake, Turn::Generator);
+        self.judges.backward(&self.critic.values, None, true);
+        let d_map = self.lens.judge_adjoint(input_delta(&self.judges), rows, cols);
         self.teach(&d_map, &mut gradient);
 
         let here = self.pyramid.len() - 1;
@@ -444,25 +402,34 @@ impl<'a> Room<'a> {
             reconstruction(&rebuilt, &self.pyramid[here], self.lens.gain, self.config)
         };
         self.teach(&d_map, &mut gradient);
-        self.optimizers[0].update(&mut self.generator.values, &gradient, rate);
+        self.generator.descend(&gradient, rate);
         error
     }
 
     /// Backward through the generator's last pass.
     fn teach(&mut self, d_map: &[f32], gradient: &mut [f32]) {
-        let cols = self.makes.out.cols();
-        let last = &mut self.makes.deltas[LAYERS - 1];
-        for (row, d_map) in d_map.chunks_exact(cols).enumerate() {
-            let outs = self.makes.out.row(row);
-            for ((delta, d), out) in last.row_mut(row).iter_mut().zip(d_map).zip(outs) {
+        let outs = self.makes.output(0).clone();
+        let last = self.makes.output_delta(0);
+        for (row, d_map) in d_map.chunks_exact(outs.cols()).enumerate() {
+            for ((delta, d), out) in last.row_mut(row).iter_mut().zip(d_map).zip(outs.row(row)) {
                 *delta = d * self.residual.slope(*out);
             }
         }
-        self.makes.backward(&self.generator, Some(gradient), None);
+        self.makes.backward(&self.generator.values, Some(gradient), false);
     }
 
     fn trained(&self) -> Scale {
-        Scale { net: self.generator.folded(), lens: self.lens, residual: self.residual, noise: self.noise }
+        let (net, values) = self.generator.net.folded(&self.generator.values, &self.generator.running);
+        let net = Network { net, values };
+        Scale { net, lens: self.lens, residual: self.residual, noise: self.noise }
+    }
+}
+
+impl Game for Room<'_> {
+    type Report = Step;
+
+    fn step(&mut self, step: usize, share: f32) -> Step {
+        self.both_turns(step, share)
     }
 }
 
@@ -514,8 +481,4 @@ pub(super) fn turned(map: &Grid<f32>, turn: usize) -> Grid<f32> {
     };
     let (out_rows, out_cols) = if turn & 4 != 0 { (cols, rows) } else { (rows, cols) };
     Grid::from_fn(out_rows, out_cols, |c| source(c.row, c.col))
-}
-
-fn mean(values: &[f32]) -> f64 {
-    values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
 }

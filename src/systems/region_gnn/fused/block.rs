@@ -229,7 +229,7 @@ impl<'a> EdgeBlock<'a> {
             store::<S, N>(sums.pixel, slot, &d_pixel);
         }
         store::<S, N>(sums.score, 0, &d_score);
-        outer_columns::<S, N, B>(simd, self.columns(), self.edges.stride, &self.hidden, sums.edge);
+        outer_columns::<S, N>(simd, self.columns(), self.edges.stride, &self.hidden, sums.edge);
     }
 }
 

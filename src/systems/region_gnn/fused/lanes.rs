@@ -224,7 +224,7 @@ pub(super) fn dense_columns<S: Simd, const N: usize, const B: usize>(
 
 /// `out += columns d`. `columns`: (inner, stride) of which the first rows of `d` count; `d`: (rows, H), `out`: (inner, H).
 #[inline(always)]
-pub(super) fn outer_columns<S: Simd, const N: usize, const B: usize>(
+pub(super) fn outer_columns<S: Simd, const N: usize>(
     simd: S,
     columns: &[f32],
     stride: usize,
@@ -232,8 +232,10 @@ pub(super) fn outer_columns<S: Simd, const N: usize, const B: usize>(
     out: &mut [f32],
 ) {
     let inner = columns.len() / stride;
-    // At most B rows at a time, as even as can be: a tile of one row would read all of `d` for itself.
-    let tiles = inner.div_ceil(B);
+    // As many rows at a time as their sums, factors and a row of `d` fit the registers, as even as can be: a tile of one row would
+    // read all of `d` for itself.
+    let most = if S::F32_LANES == 16 { if N > 2 { 4 } else { 8 } } else { (12 / N).clamp(1, 3) };
+    let tiles = inner.div_ceil(most);
     let mut k = 0;
     for tile in 0..tiles {
         let rows = inner / tiles + usize::from(tile < inner % tiles);
@@ -245,7 +247,7 @@ pub(super) fn outer_columns<S: Simd, const N: usize, const B: usize>(
             4 => outer_columns_tile::<S, N, 4>(simd, columns, stride, d, out, k),
             3 => outer_columns_tile::<S, N, 3>(simd, columns, stride, d, out, k),
             2 => outer_columns_tile::<S, N, 2>(simd, columns, stride, d, out, k),
-            _ => (k..k + rows).for_each(|k| outer_columns_tile::<S, N, 1>(simd, columns, stride, d, out, k)),
+            _ => outer_columns_tile::<S, N, 1>(simd, columns, stride, d, out, k),
         }
         k += rows;
     }
@@ -270,10 +272,13 @@ fn outer_columns_tile<S: Simd, const N: usize, const R: usize>(
         sums[r] = load::<S, N>(out, k + r);
     }
     for (row, d) in d.chunks_exact(N).enumerate().take(rows) {
+        let mut factors = [simd.splat_f32s(0.0); R];
         for r in 0..R {
-            let factor = simd.splat_f32s(x[r][row]);
-            for i in 0..N {
-                sums[r][i] = simd.mul_add_e_f32s(factor, d[i], sums[r][i]);
+            factors[r] = simd.splat_f32s(x[r][row]);
+        }
+        for i in 0..N {
+            for r in 0..R {
+                sums[r][i] = simd.mul_add_e_f32s(factors[r], d[i], sums[r][i]);
             }
         }
     }

@@ -15,7 +15,7 @@ use super::small::{
 use super::tasks::{rooms, task_size, tasks};
 use super::to_pixels::{self, Next, Source, ToPixels};
 use super::to_regions::{self, RegionPartial, ToRegions};
-use pulp::Arch;
+use crate::machine;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -131,7 +131,9 @@ impl Pass {
             let partials: Vec<RegionPartial> = tasks(pixels)
                 .into_par_iter()
                 .zip(rooms(given.edges, &mut round.region_logits))
-                .map(|(pixels, logits)| Arch::new().dispatch(to_regions::Forward { inputs, pixels, logits }))
+                .map(|(pixels, logits)| {
+                    machine::arch().dispatch(to_regions::Forward { inputs, pixels, logits })
+                })
                 .collect();
             RegionPartial::merge(&partials, h, &mut round.region_means, &mut round.region_log_sums);
             round.region_sums = self.gathered(given, to_regions, &round.regions, &round.region_means);
@@ -153,7 +155,7 @@ impl Pass {
             let outputs = outputs.zip(rooms(given.edges, &mut round.pixel_logits));
             let forward = |(((mean, log_sums), pixels), logits): (((_, _), Range<usize>), _),
                            next: Next<'_>| {
-                Arch::new().dispatch(to_pixels::Forward { inputs, pixels, mean, log_sums, logits, next })
+                machine::arch().dispatch(to_pixels::Forward { inputs, pixels, mean, log_sums, logits, next })
             };
             match rest.first_mut() {
                 Some(next) => {
@@ -221,7 +223,7 @@ impl Pass {
                     } else {
                         Source::Round { states: &d_states[values.clone()], pool: &d_pool }
                     };
-                    Arch::new().dispatch(to_pixels::Backward {
+                    machine::arch().dispatch(to_pixels::Backward {
                         inputs,
                         mean: &round.pixel_means[values],
                         log_sums: &round.pixel_log_sums[pixels.clone()],
@@ -292,7 +294,7 @@ impl Pass {
             d_states.resize(if full { pixels * h } else { 0 }, 0.0);
             let node_transposed = if full { transposed(&node, h) } else { Vec::new() };
             let back = |pixels: Range<usize>, d_states: &mut [f32]| {
-                Arch::new().dispatch(to_regions::Backward {
+                machine::arch().dispatch(to_regions::Backward {
                     inputs,
                     receivers,
                     node_transposed: &node_transposed,

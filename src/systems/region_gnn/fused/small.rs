@@ -1,13 +1,13 @@
 //! Dense algebra on a few hundred rows: regions, embeddings, the three first states; compiled for every instruction set.
 
-use pulp::Arch;
+use crate::machine;
 
 const NORM_EPSILON: f32 = 1e-5;
 
 /// `out += x W`. `x`: (rows, inner); `weights`: (inner, width); `out`: (rows, width).
 pub(super) fn add_product(x: &[f32], weights: &[f32], width: usize, out: &mut [f32]) {
     let inner = weights.len() / width;
-    Arch::new().dispatch(
+    machine::arch().dispatch(
         #[inline(always)]
         || {
             for (x, out) in x.chunks_exact(inner).zip(out.chunks_exact_mut(width)) {
@@ -22,7 +22,7 @@ pub(super) fn add_product(x: &[f32], weights: &[f32], width: usize, out: &mut [f
 /// `out += x^T d`. `x`: (rows, inner); `d`: (rows, width); `out`: (inner, width).
 pub(super) fn add_outer(x: &[f32], d: &[f32], width: usize, out: &mut [f32]) {
     let inner = out.len() / width;
-    Arch::new().dispatch(
+    machine::arch().dispatch(
         #[inline(always)]
         || {
             for (x, d) in x.chunks_exact(inner).zip(d.chunks_exact(width)) {
@@ -36,7 +36,7 @@ pub(super) fn add_outer(x: &[f32], d: &[f32], width: usize, out: &mut [f32]) {
 
 /// `out += x * factor`
 pub(super) fn add_scaled(out: &mut [f32], x: &[f32], factor: f32) {
-    Arch::new().dispatch(
+    machine::arch().dispatch(
         #[inline(always)]
         || add_row(out, x, factor),
     );

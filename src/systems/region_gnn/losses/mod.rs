@@ -6,12 +6,12 @@
 mod further;
 mod heights;
 mod sketch_order;
-mod ssim;
+
+use crate::learn::SsimLoss;
 
 pub use further::further;
 pub use heights::{ground_truth, slope, smooth};
 pub use sketch_order::sketch_order;
-pub use ssim::SsimLoss;
 
 /// The terrain to be met.
 #[derive(Clone, Debug)]
@@ -32,6 +32,12 @@ impl Target {
     pub fn without_voids(mut self) -> Self {
         self.heights.iter_mut().zip(&self.valid).filter(|(_, ok)| !**ok).for_each(|(z, _)| *z = 0.0);
         self
+    }
+
+    /// The SSIM loss against it.
+    #[must_use]
+    pub fn ssim(&self) -> SsimLoss {
+        SsimLoss::new(self.rows, self.cols, &self.heights, &self.valid)
     }
 
     /// Number of cells with a height.

@@ -2,9 +2,9 @@
 
 use super::super::graph::RegionGraph;
 use crate::learn::{exp, ln};
+use crate::machine;
 use crate::seed::Seed;
 use crate::sketch::StrokeKind;
-use pulp::Arch;
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -117,7 +117,7 @@ impl Batch {
     /// Fills `wrong` and returns the sum of the cross-entropies; compiled for every instruction set.
     fn evaluate(&mut self) -> f64 {
         let mut costs = [0.0f32; BATCH];
-        Arch::new().dispatch(
+        machine::arch().dispatch(
             #[inline(always)]
             || {
                 #[allow(clippy::needless_range_loop, reason = "five columns of one batch")]

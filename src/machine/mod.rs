@@ -1,4 +1,9 @@
-//! What the operating system says about this process, its machine and its program.
+//! What the operating system says about this process, its machine and its program, and the vector instructions in use.
+
+mod vector;
+
+pub(crate) use vector::arch;
+pub use vector::{VECTOR_VARIABLE, VectorLevel};
 
 use crate::file;
 use sha2::{Digest, Sha256};
