@@ -69,11 +69,10 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         .reads(&args.settings.config)
         .reads(&args.coarse)
         .check()?;
-    let choices = args.choices();
     // The settings first, whatever the terrain: what is wrong with them is said at once.
     let recipe = |shape| {
         args.settings.read(|settings| {
-            let choices = Choices { settings: settings.clone(), ..choices.clone() };
+            let choices = Choices { settings: settings.clone(), ..args.choices() };
             Recipe::new(&context.registry, &choices, shape, context.seed)
         })
     };

@@ -87,6 +87,19 @@ impl Detail {
         self.scales[scale].apply(up, field.as_ref(), amplitude)
     }
 
+    /// As [`pass`](Self::pass), unless it is stopped.
+    fn pass_until(
+        &self,
+        scale: usize,
+        up: &Grid<f32>,
+        amplitude: f32,
+        seed: Seed,
+        stop: &Stop,
+    ) -> Result<Grid<f32>> {
+        let field = (amplitude > 0.0).then(|| self.noise(scale, up.rows(), up.cols(), seed));
+        self.scales[scale].apply_until(up, field.as_ref(), amplitude, stop)
+    }
+
     /// A scale's noise in its generator's frame.
     fn noise(&self, scale: usize, rows: usize, cols: usize, seed: Seed) -> Grid<f32> {
         let mut stream = seed.derive_indexed("noise of scale", scale).stream("field");
@@ -183,10 +196,11 @@ impl DetailModel for Detail {
         let mut smooth = detailed.clone();
         let mut likely = (how.likely < 1.0).then(|| detailed.clone());
         for scale in start + 1..self.scales.len() {
-            stop.check()?;
             let (r, c) = self.size_of(heights.shape(), scale);
-            detailed = self.pass(scale, &resample(&detailed, r, c), how.noise, seed);
-            likely = likely.map(|map| self.pass(scale, &resample(&map, r, c), 0.0, seed));
+            detailed = self.pass_until(scale, &resample(&detailed, r, c), how.noise, seed, stop)?;
+            likely = likely
+                .map(|map| self.pass_until(scale, &resample(&map, r, c), 0.0, seed, stop))
+                .transpose()?;
             smooth = resample(&smooth, r, c);
         }
         let likely = likely.unwrap_or_else(|| smooth.clone());
@@ -218,9 +232,8 @@ impl DetailModel for Detail {
         what.mix(&mut field, &layout);
         let mut map = first.apply(&Grid::filled(r, c, 0.0), Some(&field), 1.0);
         for scale in 1..self.scales.len() {
-            stop.check()?;
             let (r, c) = size(scale);
-            map = self.pass(scale, &resample(&map, r, c), 1.0, seed);
+            map = self.pass_until(scale, &resample(&map, r, c), 1.0, seed, stop)?;
         }
         Ok(map.map(|z| 0.5 * (z + 1.0)))
     }

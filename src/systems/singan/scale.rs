@@ -3,6 +3,7 @@
 use super::config::{DetailConfig, View};
 use super::detail::ScaleInfo;
 use super::network::{Network, REACH, Shape, input_mut, tape};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::learn::convolution::Plane;
@@ -229,6 +230,21 @@ impl Scale {
         self.apply_tiled(up, field, amplitude, TILE)
     }
 
+    /// As [`apply`](Self::apply), unless it is stopped.
+    ///
+    /// # Errors
+    /// When it is stopped.
+    pub(super) fn apply_until(
+        &self,
+        up: &Grid<f32>,
+        field: Option<&Grid<f32>>,
+        amplitude: f32,
+        stop: &Stop,
+    ) -> Result<Grid<f32>> {
+        let map = self.in_tiles(up, field, amplitude, TILE, stop);
+        stop.check().map(|()| map)
+    }
+
     /// The same with another side of the tiles, rounded up to an even one: the convolution's sums are those of the untiled map
     /// where a tile begins in an even row and column.
     pub(super) fn apply_tiled(
@@ -237,6 +253,17 @@ impl Scale {
         field: Option<&Grid<f32>>,
         amplitude: f32,
         tile: usize,
+    ) -> Grid<f32> {
+        self.in_tiles(up, field, amplitude, tile, &Stop::new())
+    }
+
+    fn in_tiles(
+        &self,
+        up: &Grid<f32>,
+        field: Option<&Grid<f32>>,
+        amplitude: f32,
+        tile: usize,
+        stop: &Stop,
     ) -> Grid<f32> {
         let (rows, cols) = up.shape();
         let tile = tile.next_multiple_of(2);
@@ -250,8 +277,10 @@ impl Scale {
             .map(|&(row, col)| {
                 let (rows, cols) = (tile.min(rows - row), tile.min(cols - col));
                 let mut tape = tape(&self.net.net, rows, cols);
-                self.lens.look(&framed, &noise, row, col, input_mut(&mut tape));
-                tape.forward(&self.net.values, None);
+                if !stop.is_raised() {
+                    self.lens.look(&framed, &noise, row, col, input_mut(&mut tape));
+                    tape.forward(&self.net.values, None);
+                }
                 tape.output(0).clone()
             })
             .collect();
