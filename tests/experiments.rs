@@ -341,7 +341,8 @@ fn what_fails_is_a_row_with_its_error() {
         assert!(row.error.contains("number of line cells is 0"), "{}", row.error);
         assert!(row.values.iter().all(Option::is_none));
     }
-    assert!(record.training().unwrap()[1].error.contains("line cells"));
+    let trainings = record.table::<TrainingRow>("training.csv").unwrap();
+    assert!(trainings[1].error.contains("line cells"));
     let verdict = bounds::check(&resolved.spec, &table).unwrap().remove(0);
     assert!(!verdict.is_kept() && verdict.failures == 2, "{verdict}");
     let page = fs::read_to_string(report::write(&record).unwrap()).unwrap();
