@@ -82,7 +82,7 @@ const KERNELS: [(usize, usize, usize, usize); 12] = [
 ];
 
 #[test]
-fn kernels_of_all_sizes_equal_candle_forward_and_backward() {
+fn kernels_of_all_sizes_equal_candles() {
     for (side, stride, channels, out_channels) in KERNELS {
         for (rows, cols) in [(4, 4), (9, 14), (8, 33)] {
             let kernel = Kernel::new(side, stride).unwrap();

@@ -33,7 +33,7 @@ fn gradients_of_losses_equal_finite_differences() {
 }
 
 #[test]
-fn losses_are_those_of_their_definitions_and_never_overflow() {
+fn losses_follow_definitions_and_never_overflow() {
     let at = |loss: Loss, turn, s: f32| {
         loss.of(turn, &Plane::from_values(1, 1, 1, vec![s]), 1.0, &mut Plane::zeros(1, 1, 1, 0))
     };

@@ -489,7 +489,7 @@ fn dropout_drops_its_share_and_keeps_the_mean() {
 
 /// A diagonal matrix has its singular values on the diagonal; the gradient is that of w / sigma(w) by finite differences.
 #[test]
-fn spectral_normalisation_divides_by_the_largest_singular_value() {
+fn spectral_norm_divides_by_the_largest_value() {
     let mut net = Net::new();
     let x = net.input(3).unwrap();
     net.conv(x, Conv::new(1, 3)).unwrap();

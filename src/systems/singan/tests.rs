@@ -302,26 +302,3 @@ fn lines_stay_exact_and_masks_fade() {
         "no line, no shape"
     );
 }
-/// Spread; not kept.
-#[test]
-#[ignore]
-fn spread() {
-    let heights = ground(40);
-    for config in [
-        DetailConfig { steps: 300, ..quick() },
-        DetailConfig { coarsest: 16, fine_width: 32, steps: 50, ..DetailConfig::paper() },
-    ] {
-        let detail = train(&heights, &[], &config, Seed(1), |_| {}).unwrap();
-        for sample in 3..9 {
-            let errors = [0.0f32, 0.5, 1.0].map(|variety| {
-                let what = SampleUse { rows: 40, cols: 40, variety };
-                let map = detail.sample(&what, Seed(sample), &Stop::new()).unwrap();
-                let level = |map: &Grid<f32>| map.as_slice().iter().sum::<f32>() / map.len() as f32;
-                let base = level(&map) - level(&heights);
-                let pairs = map.as_slice().iter().zip(heights.as_slice());
-                pairs.map(|(a, b)| f64::from(a - b - base).powi(2)).sum::<f64>().sqrt()
-            });
-            println!("[{:.2} {:.2} {:.2}]", errors[0], errors[1], errors[2]);
-        }
-    }
-}
