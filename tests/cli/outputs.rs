@@ -47,7 +47,12 @@ fn false_names_are_refused_by_every_verb_before_the_work() {
         let ending = if wrong == "hill.asc" { "a file" } else { "file extension" };
         fails(at, &with(command, option, wrong), 1, &[wrong, ending, "allowed"]);
         if !["saved", "shown", "record"].contains(&good) {
-            fails(at, &with(command, option, &format!("none/{good}")), 1, &[good, "folder", "none", "not there"]);
+            fails(
+                at,
+                &with(command, option, &format!("none/{good}")),
+                1,
+                &[good, "folder", "none", "not there"],
+            );
             fails(at, &with(command, option, "hill.asc/x"), 1, &["hill.asc"]);
             std::fs::create_dir(at.join(good)).unwrap();
             fails(at, &with(command, option, good), 1, &[good, "a folder"]);
