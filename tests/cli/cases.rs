@@ -55,8 +55,8 @@ fn refused(sketch: &Path, more: &[&str], words: &[&str]) {
     let folder = temporary();
     let out = folder.path().join("o.tif");
     let (name, out) = (sketch.to_str().unwrap(), out.to_str().unwrap());
-    let words = [&["s.geojson"], words].concat();
-    let words = if name.ends_with("s.geojson") { &words[..] } else { &words[1..] };
+    let file = sketch.file_name().unwrap().to_str().unwrap();
+    let words = &[&[file], words].concat();
     fails(
         with_style(),
         &[&["generate", "s.safetensors", "--sketch", name, "-o", out], more].concat(),
@@ -116,12 +116,12 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
         // US survey feet; metres; web mercator at 60 N under an older code; degrees, whose cells are made square.
         ([100.0, 0.0, 6_500_000.0, 0.0, -100.0, 1_850_000.0], 2229, 30.48),
         ([25.0, 0.0, 500_000.0, 0.0, -25.0, 4_100_000.0], 32612, 25.0),
-        ([80.0, 0.0, 1_000_000.0, 0.0, -80.0, 8_399_738.0], 102_100, 40.02),
+        ([80.0, 0.0, 1_000_000.0, 0.0, -80.0, 8_399_738.0], 3785, 40.02),
         ([0.0005, 0.0, 10.0, 0.0, -0.0005, 60.0], 4326, 39.44),
     ] {
         let (_folder, path) = written(&placed(48, 64, transform, epsg));
         let (answer, info) = generate(&path, &[]);
-        cell_is(&info, cell);
+        says(&answer.out, &[&format!("cells of {cell:.2} m")]);
         assert_eq!(info["georeference"]["epsg"], epsg, "{}", answer.out);
         if epsg == 4326 {
             says(&answer.out, &["west-east", "scaled from 48x64 to", "square"]);
@@ -209,9 +209,8 @@ fn a_sketch_comes_back_from_a_gis_and_lies_on_its_terrain() {
     assert!(bytes(&path, &["--like", like]) == bytes(&at.join("ours.geojson"), &[]), "the same terrain");
 
     // In columns and rows, which a GIS takes for degrees and names so.
-    let plain: Dem = Dem::new(window.heights().clone(), window.cell_size()).unwrap();
-    write(&plain, &at.join("plain.asc"), &WriteOptions::default()).unwrap();
-    let plain = at.join("plain.asc");
+    write(&window, &at.join("plain.npy"), &WriteOptions::default()).unwrap();
+    let plain = at.join("plain.npy");
     done(at, &["extract", plain.to_str().unwrap(), "-o", "pixels.geojson"]);
     let text = through_a_gis(&std::fs::read_to_string(at.join("pixels.geojson")).unwrap());
     let text = text.replacen(
@@ -221,9 +220,10 @@ fn a_sketch_comes_back_from_a_gis_and_lies_on_its_terrain() {
     );
     let pixels = at.join("p.geojson");
     std::fs::write(&pixels, text).unwrap();
-    // An ASCII grid is placed at the corner that it states.
-    let on_map = bytes(&pixels, &["--like", plain.to_str().unwrap(), "--pixels"]);
-    assert!(on_map == bytes(&at.join("pixels.geojson"), &["--like", plain.to_str().unwrap(), "--pixels"]));
+    refused(&pixels, &[], &["EPSG:4326", "--like DEM", "--pixels"]);
+    let on_map = bytes(&pixels, &["--like", plain.to_str().unwrap()]);
+    assert!(on_map == bytes(&at.join("pixels.geojson"), &["--like", plain.to_str().unwrap()]));
+    assert!(on_map == bytes(&pixels, &["--pixels", "--size", "72x96", "--cell-size", "1"]));
 
     // Any sketch can be laid on any terrain, and takes its place and cells.
     let (answer, info) = generate(Path::new("lambda-ring"), &["--like", like]);

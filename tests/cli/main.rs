@@ -1,6 +1,10 @@
 //! The program as a user meets it: help, examples, what it prints and how it ends. Helpers for the other files.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a test fails by panicking, and says what it skips"
+)]
 
 mod detail;
 mod cases;

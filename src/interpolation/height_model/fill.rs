@@ -71,6 +71,7 @@ impl HeightModel {
         let density = self.at_spacing(network.spacing);
         let mut heights = self.solve(&network, &density);
         self.let_valleys_fall(&network, &mut heights);
+        close_rings(&network, &mut heights);
         raise_ridges(&network, &density, &mut heights);
         Ok(Filled {
             sketch: with_heights(sketch, given, &network.points, &heights),
@@ -143,9 +144,8 @@ impl HeightModel {
             }
             let floor = network.downstream[i]
                 .map_or(f64::NEG_INFINITY, |(next, length)| heights[next] + least(i, length));
-            // Where given heights leave no room at all, water has to climb: half way between them.
-            heights[i] =
-                if floor <= room[i] { heights[i].clamp(floor, room[i]) } else { (floor + room[i]) / 2.0 };
+            // Where given heights leave no room at all, water has to climb, as gently as the solution lets it.
+            heights[i] = heights[i].clamp(floor.min(room[i]), floor.max(room[i]));
         }
     }
 
@@ -164,6 +164,21 @@ impl HeightModel {
         rising.sort_unstable();
         rising.dedup();
         rising
+    }
+}
+
+/// Gives points that lie at one place one height: the given one, else the lower one.
+fn close_rings(network: &Network, heights: &mut [f64]) {
+    let given = |i: usize| network.points[i].given.is_some();
+    for link in network.links.iter().filter(|link| link.joins && link.length == 0.0) {
+        let (a, b) = (link.a, link.b);
+        let height = match (given(a), given(b)) {
+            (true, true) => continue,
+            (true, false) => heights[a],
+            (false, true) => heights[b],
+            (false, false) => heights[a].min(heights[b]),
+        };
+        (heights[a], heights[b]) = (height, height);
     }
 }
 

@@ -14,8 +14,12 @@ use std::collections::BinaryHeap;
 const STEP: f64 = 2.0;
 /// Points that a drawing has about at most.
 const MOST_POINTS: f64 = 20_000.0;
-/// An end so near to another stroke of its kind is meant to touch it, cells.
-const TOUCHES: f64 = 4.0;
+/// An end so near to another stroke of its kind, or to the other end of its own, is meant to touch it: a share of the map's
+/// shorter side, and bounds of that in cells.
+const TOUCHES: f64 = 0.03;
+const TOUCHES_WITHIN: [f64; 2] = [4.0, 12.0];
+/// Points of one stroke that are nearer than this many to each other along it do not touch.
+const ALONG: usize = 8;
 /// Strokes so near to each other cross or touch, cells: half a diagonal step, and half a cell to either side.
 pub(super) const CROSSES: f64 = 1.5;
 /// Ends whose distances to the frame differ by less are equally near, cells.
@@ -121,16 +125,17 @@ impl Network {
                 joins: false,
             })
             .collect();
+        let touches = (TOUCHES * self.map.0.min(self.map.1)).clamp(TOUCHES_WITHIN[0], TOUCHES_WITHIN[1]);
         let joins = (0..self.points.len()).into_par_iter().filter_map(|i| {
-            let reach = if self.is_end(i) { TOUCHES } else { CROSSES };
+            let reach = if self.is_end(i) { touches } else { CROSSES };
             let other = |&j: &usize| {
                 let (p, q) = (&self.points[i], &self.points[j]);
-                p.kind == q.kind && p.stroke != q.stroke
+                p.kind == q.kind && (p.stroke != q.stroke || i.abs_diff(j) > ALONG)
             };
             let near = (0..self.points.len()).filter(other).map(|j| (j, self.distance(i, j)));
             let (j, d) = near.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, d)| *d <= reach)?;
             // Once for both directions, unless the other one reaches less far.
-            Some(Link { a: i, b: j, length: d.max(SHORTEST), joins: true })
+            Some(Link { a: i, b: j, length: if d < 1e-9 { 0.0 } else { d.max(SHORTEST) }, joins: true })
         });
         links.extend(joins.collect::<Vec<_>>());
         self.links = links;

@@ -16,7 +16,9 @@ fn sierra() -> &'static HeightModel {
 }
 
 /// A stroke through (x, y), open where no height stands.
-type Drawn<'a> = (StrokeKind, &'a [(f64, f64, Option<f64>)]);
+type Drawn<'a> = (StrokeKind, &'a [Place]);
+/// (x, y, height).
+type Place = (f64, f64, Option<f64>);
 
 fn drawn(strokes: &[Drawn<'_>]) -> (Sketch, Vec<Vec<bool>>) {
     let stroke = |(kind, points): &Drawn<'_>| Stroke {
@@ -92,7 +94,7 @@ fn a_valley_falls_to_the_frame_and_no_faster_than_the_style() {
 #[test]
 fn tributaries_join_their_river() {
     // The tributary's end misses the river by three cells, as hands do.
-    let tributary = [(20.0, 20.0, None), (64.0, 57.0, None)];
+    let tributary = [(20.0, 20.0, None), (66.0, 57.0, None)];
     let both = filled(&[(Valley, RIVER), (Valley, &tributary)]);
     let (river, side) = (&both.sketch.strokes[0], &both.sketch.strokes[1]);
     assert!(falls(&heights(river)) && falls(&heights(side)));
@@ -207,7 +209,7 @@ proptest! {
         ),
         far in any::<bool>(),
     ) {
-        let mut points: Vec<(StrokeKind, Vec<(f64, f64, Option<f64>)>)> = strokes
+        let mut points: Vec<(StrokeKind, Vec<Place>)> = strokes
             .iter()
             .map(|(ridge, p)| (if *ridge { Ridge } else { Valley }, p.iter().map(|&(x, y, g, z)| (x, y, g.then_some(z))).collect()))
             .collect();
