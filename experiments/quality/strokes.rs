@@ -60,8 +60,7 @@ fn one(case: &Path, out: &Path, seed: Seed) -> Result<()> {
     let guided = timed(start);
     let start = Instant::now();
     let pinned = pin(&landscape.heights(1)?, &lines)?;
-    let config = BreachConfig { pit_share: fit.pit_share.max(0.003), ..BreachConfig::default() };
-    let ended = breach(&pinned, &lines, &config)?;
+    let ended = breach(&pinned, &lines, &BreachConfig::like(&fit))?;
     let end = timed(start);
     let name = case.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     println!(

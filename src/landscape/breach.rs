@@ -4,6 +4,7 @@
 //! the ground on the way is cut to just below the pit (Lindsay 2016, with a bound on the depth that grows pass by pass). Cells
 //! of lines keep their heights.
 
+use super::fit::LandscapeFit;
 use crate::error::{Error, Result};
 use crate::flow::{Drainage, Role, Surface, drain, fill};
 use crate::grid::{Cell, Grid, Mask, d8};
@@ -31,6 +32,15 @@ impl Default for BreachConfig {
     /// Cuts of up to 7 % of the relief until .3 % of the cells are left in pits.
     fn default() -> Self {
         Self { depths: vec![0.01, 0.02, 0.04, 0.07], longest: 96, pit_share: 0.003 }
+    }
+}
+
+impl BreachConfig {
+    /// Cuts until no more of the terrain lies in pits than of an exemplar.
+    #[must_use]
+    pub fn like(fit: &LandscapeFit) -> Self {
+        let config = Self::default();
+        Self { pit_share: fit.pit_share.max(config.pit_share), ..config }
     }
 }
 

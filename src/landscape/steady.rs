@@ -4,6 +4,7 @@
 use super::config::LandscapeConfig;
 use super::domain::{COARSEST, Ground, Witness};
 use super::fit::LandscapeFit;
+use super::noise::octaves;
 use crate::error::Result;
 use crate::flow::{Drainage, Role, Surface, drain};
 use crate::grid::resample::Resampling;
@@ -26,6 +27,11 @@ const LOG_FACTOR: (f32, f32) = (-2.5, 1.8);
 const RETURN: f32 = 0.02;
 /// Standard deviation of the smoothing of ln k's misses, cells of the map.
 const SMOOTHING: f64 = 10.0;
+
+/// Exponent of the spectrum of the wander.
+const WANDER_EXPONENT: f64 = 2.5;
+/// Longest wavelength of the wander, cells of the map.
+const WANDER_LONGEST: f64 = 64.0;
 
 /// What changes from step to step, at one resolution.
 pub(super) struct State {
@@ -54,6 +60,8 @@ pub(super) struct Stage<'a> {
     roles: Grid<Role>,
     witnesses: Vec<Witness>,
     preferences: Grid<[f32; 8]>,
+    /// Relief that is added to route water while the network forms, metres; 0 at lines.
+    wander: Option<Grid<f32>>,
     everywhere: Mask,
     finer: Resampling,
 }
@@ -123,17 +131,25 @@ impl<'a> Stage<'a> {
             }
         });
         let coarse = (rows * factor / COARSEST, cols * factor / COARSEST);
+        let relief = fit.relief_at(cell_size) as f32;
+        let wander = (factor == COARSEST && config.wander > 0.0).then(|| {
+            let longest = WANDER_LONGEST / factor as f64;
+            let noise = octaves((rows, cols), WANDER_EXPONENT, longest, seed.derive("wander"));
+            let height = config.wander as f32 * relief;
+            Grid::from_fn(rows, cols, |c| if ground.drawn[c].is_some() { 0.0 } else { height * noise[c] })
+        });
         Self {
             config,
             factor,
             cell_size: side as f32,
             cell_area: (side / fit.cell_size).powi(2) as f32,
-            relief: fit.relief_at(cell_size) as f32,
+            relief,
             law: Law::of(fit),
             roles: ground.roles(),
             witnesses: ground.witnesses(),
             ground,
             preferences,
+            wander,
             everywhere: Mask::filled(rows, cols, true),
             finer: Resampling::new(coarse, (rows, cols)),
         }
@@ -148,9 +164,10 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// One step of the iteration; returns the heights that the law itself gives.
-    pub(super) fn step(&self, state: &mut State) -> Result<Grid<f32>> {
-        let mut risen = self.rise(state)?;
+    /// One step of the iteration; returns the heights that the law itself gives. Water is routed over the heights and
+    /// `freedom` (1 to 0) of the wander's relief.
+    pub(super) fn step(&self, state: &mut State, freedom: f32) -> Result<Grid<f32>> {
+        let mut risen = self.rise(state, freedom)?;
         self.creep(&mut risen);
         self.give_way(&risen, state);
         let old = state.heights.as_mut_slice();
@@ -162,9 +179,13 @@ impl<'a> Stage<'a> {
     }
 
     /// Heights upwards from the bases: dz = k S(A) along the channels, |grad z| = k S(A) on hillslopes.
-    fn rise(&self, state: &State) -> Result<Risen> {
+    fn rise(&self, state: &State, freedom: f32) -> Result<Risen> {
         let (rows, cols) = self.roles.shape();
-        let surface = Surface::new(state.heights.clone(), self.everywhere.clone())?;
+        let mut routed = state.heights.clone();
+        if let Some(wander) = self.wander.as_ref().filter(|_| freedom > 0.0) {
+            routed.as_mut_slice().iter_mut().zip(wander.as_slice()).for_each(|(z, w)| *z += freedom * w);
+        }
+        let surface = Surface::new(routed, self.everywhere.clone())?;
         let drainage = drain(&surface, &self.roles, Some(&self.preferences))?;
         let mut areas = vec![self.cell_area; rows * cols];
         drainage.gather(&mut areas);
