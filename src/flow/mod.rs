@@ -24,7 +24,7 @@ mod tests;
 
 pub use accumulation::{Accumulation, accumulate, accumulate_from};
 pub use directions::{Flow, FlowDirections};
-pub use fill::{FilledDem, d8, fill};
+pub use fill::{FilledDem, POND_DEPTH, d8, fill, ponded_share};
 pub use main_stem::main_stems;
 pub use routing::{Drainage, Role, drain, route};
 pub use strahler::{StrahlerOrder, strahler};

@@ -6,16 +6,13 @@
 
 use super::fit::LandscapeFit;
 use crate::error::{Error, Result};
-use crate::flow::{Drainage, Role, Surface, drain, fill};
+use crate::flow::{Drainage, Role, Surface, drain, ponded_share};
 use crate::grid::{Cell, Grid, Mask, d8};
 use crate::sketch::{LineMap, StrokeKind};
 use serde::{Deserialize, Serialize};
 
 /// Fall from cell to cell of a cut, relative to the relief; never so small that heights cannot tell it.
 const FALL: f32 = 1e-6;
-/// A pit is what filling raises by more than this share of the relief.
-const PIT_DEPTH: f32 = 1e-3;
-
 /// How far breaching may go.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -24,7 +21,7 @@ pub struct BreachConfig {
     pub depths: Vec<f32>,
     /// Longest cut, cells.
     pub longest: usize,
-    /// Passes end when at most this share of the cells lies in pits.
+    /// Passes end when less than this share of the cells lies in ponds; 0 runs all of them.
     pub pit_share: f64,
 }
 
@@ -49,9 +46,9 @@ impl BreachConfig {
 pub struct Breached {
     /// Heights, metres.
     pub heights: Grid<f32>,
-    /// Share of the cells in pits before.
+    /// Share of the cells in ponds ([`ponded_share`]) before.
     pub pits_before: f64,
-    /// Share of the cells in pits now.
+    /// Share of the cells in ponds now.
     pub pits_after: f64,
     /// Number of cuts.
     pub cuts: usize,
@@ -82,24 +79,19 @@ pub fn breach(heights: &Grid<f32>, lines: &LineMap, config: &BreachConfig) -> Re
         heights.as_slice().iter().fold((f32::MAX, f32::MIN), |(low, high), &z| (low.min(z), high.max(z)));
     let relief = high - low;
     let fall = (FALL * relief).max(2.0 * f32::EPSILON * low.abs().max(high.abs()));
-    let pits = |surface: &Surface| {
-        let filled = fill(surface);
-        let raised = filled.heights().as_slice().iter().zip(surface.heights().as_slice());
-        raised.filter(|(f, z)| **f - **z > PIT_DEPTH * relief).count() as f64 / (rows * cols) as f64
-    };
     let mut breached = Breached { heights: heights.clone(), pits_before: 0.0, pits_after: 0.0, cuts: 0 };
     let mut current = surface(heights)?;
-    breached.pits_before = pits(&current);
+    breached.pits_before = ponded_share(&current);
     breached.pits_after = breached.pits_before;
     for &depth in &config.depths {
-        if breached.pits_after <= config.pit_share {
+        if breached.pits_after < config.pit_share {
             break;
         }
         let drainage = drain(&current, &roles, None)?;
         let limits = Limits { depth: depth * relief, longest: config.longest, fall };
         breached.cuts += cut_all(&mut breached.heights, &drainage, &fixed, &limits);
         current = surface(&breached.heights)?;
-        breached.pits_after = pits(&current);
+        breached.pits_after = ponded_share(&current);
     }
     Ok(breached)
 }
@@ -138,8 +130,9 @@ fn cut(z: &mut [f32], drainage: &Drainage, fixed: &[bool], pit: usize, limits: &
     let mut here = pit;
     let mut length = 0;
     loop {
-        let Some(next) = drainage.receiver(here) else { return false };
         length += 1;
+        // An outlet that stands higher than the pit is cut as well.
+        let Some(next) = drainage.receiver(here) else { break };
         if z[next] < floor(length) {
             break;
         }

@@ -25,9 +25,6 @@ pub struct LandscapeConfig {
     pub creep: f64,
     /// Spread of the preferences by which a cell chooses its receiver (ln).
     pub scatter: f64,
-    /// How far water strays from the surface's own valleys while the network forms at the coarse levels: the height of the
-    /// relief that is added to route it, relative to the exemplar's relief. Breaks combs of parallel tributaries.
-    pub wander: f64,
     /// Spread of ln k between the lines, relative to the exemplar's.
     pub variety: f64,
     /// Height of the first surface's relief between the lines, relative to the room between ridges and valleys.
@@ -42,8 +39,7 @@ impl Default for LandscapeConfig {
             levels: levels.map(|(factor, iterations)| Level { factor, iterations }).to_vec(),
             channel_head: 20.0,
             creep: 0.8,
-            scatter: 0.25,
-            wander: 0.0,
+            scatter: 0.5,
             variety: 0.5,
             amplitude: 0.35,
         }
@@ -77,7 +73,6 @@ impl LandscapeConfig {
             ("channel_head", self.channel_head, 1.0, 1e6),
             ("creep", self.creep, 0.0, 8.0),
             ("scatter", self.scatter, 0.0, 2.0),
-            ("wander", self.wander, 0.0, 1.0),
             ("variety", self.variety, 0.0, 4.0),
             ("amplitude", self.amplitude, 0.0, 2.0),
         ];

@@ -6,7 +6,7 @@
 
 use super::slope_area::{HeightLaw, SlopeArea};
 use crate::error::{Error, Result};
-use crate::flow::{Surface, accumulate, fill, route};
+use crate::flow::{POND_DEPTH, Surface, accumulate, fill, route};
 use crate::grid::{Cell, Grid, Mask, gaussian};
 use serde::{Deserialize, Serialize};
 
@@ -20,8 +20,6 @@ const HEIGHT_BINS: usize = 40;
 const FEWEST_CELLS: usize = 30;
 /// Cells left out along the frame.
 const MARGIN: usize = 4;
-/// A cell lies in a pit if filling raises it by more than this share of the relief.
-const PIT_DEPTH: f32 = 1e-3;
 /// Share of all slope that lies in pits beyond which terrain was not made by rivers: .11 and .33 in dunes and craters, at
 /// most .007 in eight ranges, canyons and basins.
 const MOST_SLOPE_IN_PITS: f64 = 0.05;
@@ -81,7 +79,7 @@ impl LandscapeFit {
                 "a landscape is fitted to terrain with relief",
             ));
         }
-        let samples = Samples::of(&surface, cell_size, PIT_DEPTH * (highest - lowest))?;
+        let samples = Samples::of(&surface, cell_size, POND_DEPTH * (highest - lowest))?;
         let slope_area = samples.slope_area(heights.len())?;
         let ratios = samples.ratios(&slope_area);
         let height_law = height_law(&ratios, heights, f64::from(lowest), f64::from(highest));
@@ -306,7 +304,7 @@ fn pits(heights: &Grid<f32>, valid: &Mask) -> Result<(f64, f64)> {
             for col in 1..cols - 1 {
                 let c = Cell::new(row, col);
                 let Some(slope) = ok[c].then(|| gradient(&z, &ok, c, 1.0)).flatten() else { continue };
-                let is_pit = filled.heights()[c] - z[c] > PIT_DEPTH * (high - low);
+                let is_pit = filled.heights()[c] - z[c] > POND_DEPTH * (high - low);
                 all += f64::from(slope);
                 in_pits += if is_pit { f64::from(slope) } else { 0.0 };
                 raised += usize::from(is_pit);

@@ -99,8 +99,7 @@ pub fn solve(
         let stage = Stage::new(fit, config, factor, cell_size, domain.ground(factor), seed);
         stage.draw(&mut state.heights);
         for iteration in 1..=level.iterations {
-            let freedom = 1.0 - iteration as f32 / level.iterations as f32;
-            let by_law = stage.step(&mut state, freedom)?;
+            let by_law = stage.step(&mut state)?;
             if iteration == level.iterations && factor == config.levels[config.levels.len() - 1].factor {
                 // What is still missed, a hundredth of the relief or so, is added smoothly.
                 let (known, misses) = stage.misses(&by_law);

@@ -4,7 +4,6 @@
 use super::config::LandscapeConfig;
 use super::domain::{COARSEST, Ground, Witness};
 use super::fit::LandscapeFit;
-use super::noise::octaves;
 use crate::error::Result;
 use crate::flow::{Drainage, Role, Surface, drain};
 use crate::grid::resample::Resampling;
@@ -28,11 +27,8 @@ const RETURN: f32 = 0.02;
 /// Standard deviation of the smoothing of ln k's misses, cells of the map.
 const SMOOTHING: f64 = 10.0;
 
-/// Exponent of the spectrum of the wander.
-const WANDER_EXPONENT: f64 = 2.5;
-/// Longest wavelength of the wander, cells of the map.
-const WANDER_LONGEST: f64 = 64.0;
-
+/// Steepest slope, relative to the hillslopes of the law.
+const STEEPEST: f32 = 2.0;
 /// What changes from step to step, at one resolution.
 pub(super) struct State {
     /// Heights, metres.
@@ -60,8 +56,6 @@ pub(super) struct Stage<'a> {
     roles: Grid<Role>,
     witnesses: Vec<Witness>,
     preferences: Grid<[f32; 8]>,
-    /// Relief that is added to route water while the network forms, metres; 0 at lines.
-    wander: Option<Grid<f32>>,
     everywhere: Mask,
     finer: Resampling,
 }
@@ -132,12 +126,6 @@ impl<'a> Stage<'a> {
         });
         let coarse = (rows * factor / COARSEST, cols * factor / COARSEST);
         let relief = fit.relief_at(cell_size) as f32;
-        let wander = (factor == COARSEST && config.wander > 0.0).then(|| {
-            let longest = WANDER_LONGEST / factor as f64;
-            let noise = octaves((rows, cols), WANDER_EXPONENT, longest, seed.derive("wander"));
-            let height = config.wander as f32 * relief;
-            Grid::from_fn(rows, cols, |c| if ground.drawn[c].is_some() { 0.0 } else { height * noise[c] })
-        });
         Self {
             config,
             factor,
@@ -149,7 +137,6 @@ impl<'a> Stage<'a> {
             witnesses: ground.witnesses(),
             ground,
             preferences,
-            wander,
             everywhere: Mask::filled(rows, cols, true),
             finer: Resampling::new(coarse, (rows, cols)),
         }
@@ -164,10 +151,9 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// One step of the iteration; returns the heights that the law itself gives. Water is routed over the heights and
-    /// `freedom` (1 to 0) of the wander's relief.
-    pub(super) fn step(&self, state: &mut State, freedom: f32) -> Result<Grid<f32>> {
-        let mut risen = self.rise(state, freedom)?;
+    /// One step of the iteration; returns the heights that the law itself gives.
+    pub(super) fn step(&self, state: &mut State) -> Result<Grid<f32>> {
+        let mut risen = self.rise(state)?;
         self.creep(&mut risen);
         self.give_way(&risen, state);
         let old = state.heights.as_mut_slice();
@@ -179,13 +165,9 @@ impl<'a> Stage<'a> {
     }
 
     /// Heights upwards from the bases: dz = k S(A) along the channels, |grad z| = k S(A) on hillslopes.
-    fn rise(&self, state: &State, freedom: f32) -> Result<Risen> {
+    fn rise(&self, state: &State) -> Result<Risen> {
         let (rows, cols) = self.roles.shape();
-        let mut routed = state.heights.clone();
-        if let Some(wander) = self.wander.as_ref().filter(|_| freedom > 0.0) {
-            routed.as_mut_slice().iter_mut().zip(wander.as_slice()).for_each(|(z, w)| *z += freedom * w);
-        }
-        let surface = Surface::new(routed, self.everywhere.clone())?;
+        let surface = Surface::new(state.heights.clone(), self.everywhere.clone())?;
         let drainage = drain(&surface, &self.roles, Some(&self.preferences))?;
         let mut areas = vec![self.cell_area; rows * cols];
         drainage.gather(&mut areas);
@@ -217,6 +199,9 @@ impl<'a> Stage<'a> {
                 along.min(eikonal(z[i - cols].min(z[i + cols]), z[i - 1].min(z[i + 1]), rise))
             };
         }
+        let caps: Vec<f32> =
+            (0..z.len()).into_par_iter().map(|i| STEEPEST * slopes[i] * self.law.slope(0.0, z[i])).collect();
+        lower_cliffs(&mut heights, &caps, &self.roles);
         Ok(Risen { heights, bases, areas, drainage })
     }
 
@@ -300,6 +285,28 @@ impl<'a> Stage<'a> {
             }
         }
         (known, misses)
+    }
+}
+
+/// Lowers every cell to at most `caps` times the distance above each of its neighbours, in two sweeps: where two basins meet
+/// whose rivers stand at different heights, the divide becomes a slope and moves in the steps to come. Lowered cells have a lower neighbour.
+fn lower_cliffs(heights: &mut Grid<f32>, caps: &[f32], roles: &Grid<Role>) {
+    let cols = heights.cols();
+    let z = heights.as_mut_slice();
+    let roles = roles.as_slice();
+    let mut lower = |i: usize, neighbours: [usize; 4]| {
+        if roles[i] != Role::Base {
+            let [a, b, c, d] = neighbours.map(|n| z[n]);
+            let (side, corner) = (a.min(b), c.min(d));
+            z[i] = z[i].min(side + caps[i]).min(corner + std::f32::consts::SQRT_2 * caps[i]);
+        }
+    };
+    // The outer cells are bases, so all neighbours exist.
+    for i in cols + 1..roles.len() - cols - 1 {
+        lower(i, [i - cols, i - 1, i - cols - 1, i - cols + 1]);
+    }
+    for i in (cols + 1..roles.len() - cols - 1).rev() {
+        lower(i, [i + cols, i + 1, i + cols + 1, i + cols - 1]);
     }
 }
 

@@ -198,7 +198,8 @@ fn threads_change_no_bit_and_seeds_do() {
 fn every_drawing_has_terrain_and_the_empty_one_an_error() {
     let fit = fitted();
     let mut drawings = Vec::new();
-    let draw = |rows: usize, cols: usize, strokes: &[(StrokeKind, (i32, i32, f32), (i32, i32, f32))]| {
+    type End = (i32, i32, f32);
+    let draw = |rows: usize, cols: usize, strokes: &[(StrokeKind, End, End)]| {
         let mut lines = LineMap::empty(rows, cols);
         strokes.iter().for_each(|&(kind, from, to)| line(&mut lines, kind, from, to));
         lines

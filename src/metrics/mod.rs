@@ -4,6 +4,7 @@
 //! range* (0 its lowest and 1 its highest valid height), and leaves out voids. [`Scores`] gathers all of it for one patch
 //! and [`Summary`] over patches.
 
+mod contract;
 mod error;
 mod landforms;
 mod lines;
@@ -14,6 +15,7 @@ mod spectrum;
 mod ssim;
 mod summary;
 
+pub use contract::{Contract, ContractBounds, StrokeCheck};
 pub use error::{psnr, rmse};
 pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
