@@ -2,7 +2,7 @@
 //!
 //! Terrain and lines -> terrain. Every pit follows its least-cost route to a lower cell or a base (drawn valley or frame) and
 //! the ground on the way is cut to just below the pit (Lindsay 2016, with a bound on the depth that grows pass by pass). Cells
-//! of lines keep their heights.
+//! of lines keep their heights; ground beside a drawn river that lies lower than the river is raised to it.
 
 use super::fit::LandscapeFit;
 use crate::error::{Error, Result};
@@ -136,8 +136,15 @@ fn cut(z: &mut [f32], drainage: &Drainage, fixed: &[bool], pit: usize, limits: &
         if z[next] < floor(length) {
             break;
         }
-        let is_dam = fixed[next] && z[next] > bottom + 0.02 * limits.depth;
-        if is_dam || z[next] - bottom > limits.depth || length == limits.longest {
+        if z[next] - bottom > limits.depth || length == limits.longest {
+            return false;
+        }
+        if fixed[next] && drainage.receiver(next).is_none() {
+            // A line is not cut. What lies lower beside the river that it runs to is a moat: it is filled.
+            fill_way(z, drainage, fixed, pit, length, z[next], limits.fall);
+            return true;
+        }
+        if fixed[next] && z[next] > bottom + 0.02 * limits.depth {
             return false;
         }
         here = next;
@@ -151,4 +158,24 @@ fn cut(z: &mut [f32], drainage: &Drainage, fixed: &[bool], pit: usize, limits: &
         here = next;
     }
     true
+}
+
+/// Raises the way from `pit` to a river `length` cells away, so that it falls to the river's `level`.
+fn fill_way(
+    z: &mut [f32],
+    drainage: &Drainage,
+    fixed: &[bool],
+    pit: usize,
+    length: usize,
+    level: f32,
+    fall: f32,
+) {
+    let mut here = Some(pit);
+    for step in (1..=length).rev() {
+        let Some(cell) = here else { break };
+        if !fixed[cell] {
+            z[cell] = z[cell].max(level + fall * step as f32);
+        }
+        here = drainage.receiver(cell);
+    }
 }
