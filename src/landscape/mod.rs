@@ -27,4 +27,4 @@ pub use config::{LandscapeConfig, Level};
 pub use fit::LandscapeFit;
 pub use pin::pin;
 pub use slope_area::{HeightLaw, SlopeArea};
-pub use solve::{Landscape, solve};
+pub use solve::{Landscape, solve, solve_until};

@@ -6,6 +6,7 @@ use super::envelope::first_surface;
 use super::fit::LandscapeFit;
 use super::noise::octaves;
 use super::steady::{Stage, State};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
@@ -74,6 +75,21 @@ pub fn solve(
     config: &LandscapeConfig,
     seed: Seed,
 ) -> Result<Landscape> {
+    solve_until(fit, lines, cell_size, config, seed, &Stop::new())
+}
+
+/// As [`solve`], unless it is stopped: `stop` is asked in every step.
+///
+/// # Errors
+/// As [`solve`], and when it is stopped.
+pub fn solve_until(
+    fit: &LandscapeFit,
+    lines: &LineMap,
+    cell_size: f64,
+    config: &LandscapeConfig,
+    seed: Seed,
+    stop: &Stop,
+) -> Result<Landscape> {
     config.validate()?;
     if !(cell_size.is_finite() && cell_size > 0.0) {
         return Err(Error::value("cell size of the map", cell_size, "allowed: positive and finite"));
@@ -99,6 +115,7 @@ pub fn solve(
         let stage = Stage::new(fit, config, factor, cell_size, domain.ground(factor), seed);
         stage.draw(&mut state.heights);
         for iteration in 1..=level.iterations {
+            stop.check()?;
             let by_law = stage.step(&mut state)?;
             if iteration == level.iterations && factor == config.levels[config.levels.len() - 1].factor {
                 // What is still missed, a hundredth of the relief or so, is added smoothly.

@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cycle_is_symmetric_positive_and_nearly_the_inverse() {
+    fn the_cycle_is_a_symmetric_positive_near_inverse() {
         for (energy, weakest) in [(Energy::Membrane, 0.7), (Energy::Plate, 0.05)] {
             for (rows, cols) in SIDES {
                 let free = free(rows, cols);

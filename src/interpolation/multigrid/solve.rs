@@ -15,6 +15,10 @@ const TOLERANCE: f64 = 1e-10;
 /// The recomputed residual may be this much larger than [`TOLERANCE`]: the recursion drifts by rounding.
 const DRIFT: f64 = 10.0;
 
+/// A residual this many roundings large cannot be told from zero. It is the bound where the start is so near the surface
+/// that [`TOLERANCE`] of its residual lies below what sums of heights resolve: a single void among its neighbours.
+const ROUNDINGS: f64 = 4.0;
+
 /// A membrane needs 8 to 20 steps; a plate 15 to 50 and, over wide empty regions between lines, up to a few hundred.
 const MOST_STEPS: usize = 3000;
 
@@ -36,8 +40,10 @@ pub(in crate::interpolation) fn solve(energy: Energy, known: &Mask, values: &Gri
         if known[i] { values[i] - middle } else { 0.0 }
     });
     let free = Plane::<f64>::from_fn(rows, cols, |row, col| f64::from(u8::from(!known[row * cols + col])));
+    let unknown = known.iter().filter(|k| !**k).count();
+    let rounding = ROUNDINGS * f64::EPSILON * energy.row_sum() * (high - middle);
     let mut gradients = Gradients::new(energy, free);
-    gradients.descend(&mut x)?;
+    gradients.descend(&mut x, rounding * rounding * unknown as f64)?;
     let surface =
         (0..rows * cols).map(|i| if known[i] { values[i] } else { x.row(i / cols)[i % cols] + middle });
     Grid::from_vec(rows, cols, surface.collect())
@@ -70,16 +76,19 @@ impl Gradients {
         })
     }
 
-    /// Moves the free cells of `x` to the surface.
-    fn descend(&mut self, x: &mut Plane<f64>) -> Result<()> {
+    /// Moves the free cells of `x` to the surface. `rounding`: the squared residual that rounding alone can make.
+    fn descend(&mut self, x: &mut Plane<f64>, rounding: f64) -> Result<()> {
         let start = self.measure(x);
-        if start == 0.0 {
+        if start <= rounding {
             return Ok(());
         }
         let rows = x.rows();
         let free = Plane::from_fn(rows, x.cols(), |row, col| self.free.row(row)[col] as f32);
         let mut cycle = Cycle::<f32>::new(self.energy, free);
         let done = TOLERANCE * TOLERANCE;
+        // Below the rounding nothing is left to descend by: neither the slope nor the curvature means anything.
+        let enough = (done * start).max(rounding);
+        let by_residual_alone = rounding >= done * start;
         let (mut squared, mut first_slope, mut slope) = (start, None, None);
         for _ in 0..MOST_STEPS {
             let scale = squared.sqrt();
@@ -94,9 +103,9 @@ impl Gradients {
             let towards = cycle.run();
             let now = scale * sum_rows(rows, |row| dot(towards.row(row), residual.row(row)));
             let begun = *first_slope.get_or_insert(now);
-            if squared <= done * start && now <= done * begun {
+            if squared <= enough && (by_residual_alone || now <= done * begun) {
                 squared = self.measure(x);
-                if squared <= DRIFT * DRIFT * done * start {
+                if squared <= DRIFT * DRIFT * enough {
                     return Ok(());
                 }
                 slope = None;
