@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn without_bases_it_is_plain_routing_and_the_order_runs_upstream() {
+    fn without_bases_it_is_plain_routing() {
         let surface = surface(rough);
         let drainage = drain(&surface, &Grid::filled(31, 41, Role::Ground), None).unwrap();
         assert_eq!(*drainage.directions(), route(&surface));

@@ -106,7 +106,7 @@ fn dunes_and_craters_are_not_fluvial() {
 }
 
 #[test]
-fn lines_are_nearly_met_by_the_solution_and_exactly_by_the_pin() {
+fn lines_are_nearly_met_and_then_pinned() {
     let fit = fitted();
     let lines = valley_and_ridges(96, 120);
     for seed in 1..4 {
@@ -197,7 +197,7 @@ fn threads_change_no_bit_and_seeds_do() {
 }
 
 #[test]
-fn every_drawing_has_terrain_and_the_empty_one_an_error() {
+fn every_drawing_has_terrain() {
     let fit = fitted();
     let mut drawings = Vec::new();
     type End = (i32, i32, f32);

@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_valley_that_is_there_is_found_and_carries_its_river() {
+    fn a_valley_is_found_and_carries_its_river() {
         let axis = sketch(vec![stroke(StrokeKind::Valley, &[(80.0, 30.0, 5.0), (10.0, 30.0, 40.0)])]);
         let found = checked(&trough(), &axis);
         assert!(found.height_error.unwrap() < 1e-4 && found.largest_height_error < 1e-4);
