@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dam_in_the_valley_ends_the_river_and_makes_a_pond() {
+    fn a_dam_ends_the_river_and_makes_a_pond() {
         let axis = sketch(vec![stroke(StrokeKind::Valley, &[(80.0, 30.0, 5.0), (10.0, 30.0, 40.0)])]);
         let dammed = Grid::from_fn(90, 61, |c| trough()[c] + if c.row == 45 { 60.0 } else { 0.0 });
         let found = checked(&dammed, &axis);
