@@ -15,7 +15,7 @@ use syn::visit::{self, Visit};
 /// Rooms that may name candle: what is trained, the room it stands on, and the error that it can cause.
 const CANDLE: [&str; 3] = ["learn", "systems", "error"];
 /// Systems without anything to learn, which therefore do not name candle either.
-const UNTRAINED: [&str; 3] = ["classical", "gpnn", "task"];
+const UNTRAINED: [&str; 4] = ["classical", "gpnn", "landscape", "task"];
 /// What systems share: every system may import it.
 const SHARED_BY_SYSTEMS: &str = "task";
 /// The one room that may know every system; the others know what they share, and the style.

@@ -11,6 +11,9 @@ use super::flood::{DONE, Flood, UNSEEN};
 use crate::grid::{Grid, d8};
 use std::collections::VecDeque;
 
+/// Least depth of a pond, relative to the relief.
+pub const POND_DEPTH: f32 = 1e-3;
+
 /// A surface without pits: from every valid cell a path that never rises leads to an outlet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilledDem {
@@ -30,7 +33,7 @@ impl FilledDem {
 /// Raises every pit to the height at which it spills.
 #[must_use]
 pub fn fill(surface: &Surface) -> FilledDem {
-    let mut flood = Flood::new(surface);
+    let mut flood = Flood::new(surface, |_| false);
     let Flood { steps, nodes, cells, state, queue, .. } = &mut flood;
     let mut pit = VecDeque::new();
     let mut level = 0;
@@ -56,6 +59,22 @@ pub fn fill(surface: &Surface) -> FilledDem {
     }
     let ways_back = flood.directions();
     FilledDem { heights: flood.inner(|i| flood.nodes[i].height), ways_back }
+}
+
+/// Share of the valid cells that lie in ponds: those that filling raises by more than a thousandth of the relief.
+#[must_use]
+pub fn ponded_share(surface: &Surface) -> f64 {
+    let filled = fill(surface);
+    let cells = surface.heights().as_slice().iter().zip(filled.heights.as_slice());
+    let cells = cells.zip(surface.valid().as_slice()).filter(|(_, ok)| **ok).map(|(heights, _)| heights);
+    let (low, high) =
+        cells.clone().fold((f32::MAX, f32::MIN), |(low, high), (&z, _)| (low.min(z), high.max(z)));
+    let (mut ponded, mut count) = (0usize, 0usize);
+    for (z, filled) in cells {
+        ponded += usize::from(filled - z > POND_DEPTH * (high - low));
+        count += 1;
+    }
+    ponded as f64 / count as f64
 }
 
 /// Steepest descent; on level ground the way to the outlet by which the flood came.

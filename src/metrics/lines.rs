@@ -66,7 +66,7 @@ pub fn line_agreement(
 }
 
 /// Share of the cells of `of` within `tolerance` of a cell of `to`; 1 when `of` is empty.
-fn share_near(of: &Mask, to: &Mask, tolerance: f64) -> f64 {
+pub(super) fn share_near(of: &Mask, to: &Mask, tolerance: f64) -> f64 {
     let reach = tolerance.floor() as usize;
     let near = |cell: Cell| {
         let rows = cell.row.saturating_sub(reach)..=cell.row.saturating_add(reach).min(to.rows() - 1);

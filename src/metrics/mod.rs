@@ -4,6 +4,7 @@
 //! range* (0 its lowest and 1 its highest valid height), and leaves out voids. [`Scores`] gathers all of it for one patch
 //! and [`Summary`] over patches.
 
+mod contract;
 mod correlation;
 mod embedding;
 mod error;
@@ -16,6 +17,7 @@ mod spectrum;
 mod ssim;
 mod summary;
 
+pub use contract::{Contract, ContractBounds, StrokeCheck};
 pub use correlation::spearman;
 pub use embedding::{Labelled, Separation, separation, tsne};
 pub use error::{psnr, rmse};

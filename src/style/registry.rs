@@ -7,6 +7,7 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::systems::classical;
 use crate::systems::gpnn::PatchDetail;
+use crate::systems::landscape::LandscapeSystem;
 use crate::systems::region_gnn::RegionNetwork;
 use crate::systems::singan::Detail;
 use crate::systems::task::{DetailModel, Part, SketchToTerrain, System};
@@ -43,6 +44,7 @@ impl Default for Registry {
         let interpolators = classical::all().into_iter().map(|(name, system)| (name.to_owned(), system));
         Self { systems: Vec::new(), details: Vec::new(), interpolators: interpolators.collect() }
             .system::<RegionNetwork>()
+            .system::<LandscapeSystem>()
             .detail::<PatchDetail>()
             .detail::<Detail>()
     }

@@ -1,4 +1,4 @@
-//! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators and [`region_gnn`];
+//! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators, [`region_gnn`] and the [`landscape`] model;
 //! [`singan`] (trained) and [`gpnn`] (the exemplar's own patches) add detail to what they make, and the room `style` puts both together.
 
 pub mod task;
@@ -6,3 +6,4 @@ pub mod classical;
 pub mod region_gnn;
 pub mod singan;
 pub mod gpnn;
+pub mod landscape;
