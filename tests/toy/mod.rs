@@ -31,10 +31,7 @@ impl Settings for PlateauConfig {
 }
 
 #[derive(Debug)]
-pub(crate) struct Plateau {
-    config: PlateauConfig,
-    mean: f32,
-}
+pub(crate) struct Plateau(Checked<PlateauConfig>, f32);
 
 impl Part for Plateau {
     const NAME: &'static str = "plateau";
@@ -50,30 +47,28 @@ impl Part for Plateau {
             (control.progress)(&Progress { stage, step, steps, share, seconds: 0.0, figures: &[] });
         }
         let mean = exemplar.heights.as_slice().iter().sum::<f32>() / exemplar.heights.len() as f32;
-        Ok(Self { config: (**config).clone(), mean })
+        Ok(Self(config.clone(), mean))
     }
 
     fn config(&self) -> &PlateauConfig {
-        &self.config
+        &self.0
     }
 
     fn save(&self) -> Result<(Self::Description, Arrays)> {
         let mut arrays = Arrays::default();
-        arrays.put_f32("mean", &[1], &[self.mean]);
-        Ok((Checked::new(self.config.clone())?, arrays))
+        arrays.put_f32("mean", &[1], &[self.1]);
+        Ok((self.0.clone(), arrays))
     }
 
-    fn load(config: Self::Description, arrays: &mut Arrays, terrain: Option<&Arc<Dem>>) -> Result<Self> {
-        terrain.ok_or_else(|| Error::value("terrain of the style", "left out", "plateau needs it"))?;
-        let mean = arrays.take_f32("mean")?.iter().sum();
-        Ok(Self { config: config.into_inner(), mean })
+    fn load(config: Self::Description, arrays: &mut Arrays, _: Option<&Arc<Dem>>) -> Result<Self> {
+        Ok(Self(config, arrays.take_f32("mean")?.iter().sum()))
     }
 }
 
 impl SketchToTerrain for Plateau {
     fn generate(&self, lines: &LineMap, _: Seed, _: &Stop) -> Result<Grid<f32>> {
         let kinds = lines.kinds();
-        Ok(Grid::from_fn(kinds.rows(), kinds.cols(), |c| kinds[c].map_or(self.mean, |_| lines.heights()[c])))
+        Ok(Grid::from_fn(kinds.rows(), kinds.cols(), |c| kinds[c].map_or(self.1, |_| lines.heights()[c])))
     }
 
     fn reach(&self) -> Reach {
