@@ -22,8 +22,13 @@ use std::path::{Path, PathBuf};
 
 type Read = monadnock::Result<(Dem, Description)>;
 
-const DEFAULT: ReadOptions =
-    ReadOptions { elevation: None, cell_size: None, band: None, nodata: Nodata::AsDeclared, metres_per_unit: None };
+const DEFAULT: ReadOptions = ReadOptions {
+    elevation: None,
+    cell_size: None,
+    band: None,
+    nodata: Nodata::AsDeclared,
+    metres_per_unit: None,
+};
 
 const US_FOOT: f64 = 1200.0 / 3937.0;
 
@@ -118,7 +123,9 @@ fn heights_in_other_units_become_metres() {
     let compound = |vertical: (u32, u32)| {
         keys(at(tiff(), 30.0, 5e5, 4.1e6), &[(1024, 1), (1025, 1), (3072, 26911), vertical])
     };
-    for (key, metres) in [((4096, 8228), 0.3048), ((4099, 9003), US_FOOT), ((4099, 9014), 1.8288), ((4096, 5703), 1.0)] {
+    for (key, metres) in
+        [((4096, 8228), 0.3048), ((4099, 9003), US_FOOT), ((4099, 9014), 1.8288), ((4096, 5703), 1.0)]
+    {
         let (low, said) = lowest(compound(key), &DEFAULT);
         assert!((low / (1500.0 * metres) - 1.0).abs() < 1e-6, "{key:?}: {low}");
         assert_eq!(said.notes.iter().any(|n| n.contains("converted")), metres != 1.0);
@@ -128,8 +135,12 @@ fn heights_in_other_units_become_metres() {
     assert_eq!(low, 1500.0);
     told(&said, &["EPSG:32000", "taken for metres", "--metres-per-unit"]);
     let strange = compound((4099, 9102)).bytes();
-    refused(read_files(&[("a.tif", &strange)], &DEFAULT), &["a.tif", "VerticalUnitsGeoKey", "9102", "--metres-per-unit"]);
-    let furlongs = r#"<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">furlong</Item></GDALMetadata>"#;
+    refused(
+        read_files(&[("a.tif", &strange)], &DEFAULT),
+        &["a.tif", "VerticalUnitsGeoKey", "9102", "--metres-per-unit"],
+    );
+    let furlongs =
+        r#"<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">furlong</Item></GDALMetadata>"#;
     let furlongs = tiff().text(42112, furlongs);
     refused(read_files(&[("a.tif", &furlongs.bytes())], &DEFAULT), &["furlong", "--metres-per-unit"]);
     let given = ReadOptions { metres_per_unit: Some(2.0), ..DEFAULT };
@@ -147,8 +158,11 @@ fn linear_units_follow_from_codes() {
         assert_eq!(read_described(&path, &given).unwrap().0.cell_size().x(), 30.0);
     }
     // Of the code alone: US feet, international feet, links.
-    for (code, metres) in [(2227, US_FOOT), (2223, 0.3048), (3167, 20.116_756)] {
-        let (dem, said) = read_files(&[("a.tif", &projected(code).bytes())], &DEFAULT).unwrap();
+    for (code, metres, x, y) in
+        [(2227, US_FOOT, 6.5e6, 1.9e6), (2223, 0.3048, 7e5, 8e5), (3167, 20.116_756, 40_000.0, 22_000.0)]
+    {
+        let tiff = at(projected(code), 30.0, x, y);
+        let (dem, said) = read_files(&[("a.tif", &tiff.bytes())], &DEFAULT).unwrap();
         assert!((dem.cell_size().x() / (30.0 * metres) - 1.0).abs() < 0.011, "{code}: {:?}", dem.cell_size());
         assert_eq!(said.cell_size_source, CellSizeSource::File);
         assert_eq!(dem.georeference().unwrap().epsg, Some(code));
@@ -157,7 +171,9 @@ fn linear_units_follow_from_codes() {
     let unit = |code: u32, unit: u32| {
         keys(at(tiff(), 30.0, 5e5, 4.1e6), &[(1024, 1), (1025, 1), (3072, code), (3076, unit)])
     };
-    let side = |tiff: &Tiff| read_files(&[("a.tif", &tiff.bytes())], &DEFAULT).map(|(dem, said)| (dem.cell_size().x(), said));
+    let side = |tiff: &Tiff| {
+        read_files(&[("a.tif", &tiff.bytes())], &DEFAULT).map(|(dem, said)| (dem.cell_size().x(), said))
+    };
     let (link, _) = side(&unit(32_767, 9098)).unwrap();
     assert!((link / (30.0 * 0.201_168) - 1.0).abs() < 1e-9, "{link}");
     let (feet, said) = side(&unit(32_611, 9002)).unwrap();
@@ -167,9 +183,15 @@ fn linear_units_follow_from_codes() {
     assert!((feet / (30.0 * US_FOOT) - 1.0).abs() < 1e-9, "{feet}");
     told(&said, &["EPSG:29999", "US survey foot"]);
     let own = unit(32_767, 32_767).doubles(34736, &[2.5]);
-    let own = own.short(34735, &[1, 1, 0, 5, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, 32767, 3076, 0, 1, 32767, 3077, 34736, 1, 0]);
+    let own = own.short(
+        34735,
+        &[1, 1, 0, 5, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, 32767, 3076, 0, 1, 32767, 3077, 34736, 1, 0],
+    );
     assert_eq!(side(&own).unwrap().0, 75.0);
-    refused(read_files(&[("a.tif", &unit(32_767, 9101).bytes())], &DEFAULT), &["ProjLinearUnitsGeoKey", "9101", "--cell-size"]);
+    refused(
+        read_files(&[("a.tif", &unit(32_767, 9101).bytes())], &DEFAULT),
+        &["ProjLinearUnitsGeoKey", "9101", "--cell-size"],
+    );
     let given = ReadOptions { cell_size: CellSize::square(7.0).ok(), ..DEFAULT };
     let (dem, said) = read_files(&[("a.tif", &unit(32_767, 9101).bytes())], &given).unwrap();
     assert_eq!(dem.cell_size().x(), 7.0);
@@ -206,12 +228,19 @@ fn stretched_maps_are_measured_on_the_ground() {
     cells(&ground(3413, 100.0, 0.0, 0.0).0, 103.1, 103.1);
     // A mercator that only its keys describe, true at 60 N.
     let user = at(tiff(), 60.0, 1e6, 4_190_000.0).doubles(34736, &[0.0, 60.0, 0.0, 0.0]);
-    let user = user.short(34735, &[1, 1, 0, 9, 1024, 0, 1, 1, 1025, 0, 1, 1, 2048, 0, 1, 4326, 3072, 0, 1, 32767, 3075, 0, 1, 7,
-        3076, 0, 1, 9001, 3078, 34736, 1, 1, 3080, 34736, 1, 0, 3082, 34736, 1, 2]);
+    let user = user.short(
+        34735,
+        &[
+            1, 1, 0, 9, 1024, 0, 1, 1, 1025, 0, 1, 1, 2048, 0, 1, 4326, 3072, 0, 1, 32767, 3075, 0, 1, 7,
+            3076, 0, 1, 9001, 3078, 34736, 1, 1, 3080, 34736, 1, 0, 3082, 34736, 1, 2,
+        ],
+    );
     let (dem, said) = read_files(&[("a.tif", &user.bytes())], &DEFAULT).unwrap();
-    cells(&dem, 60.15, 60.15);
+    cells(&dem, 60.0, 60.0);
     assert!(dem.georeference().unwrap().definition.is_some() && said.notes.is_empty(), "{said:?}");
-    // A place that the projection does not have.
+    // Places that the projection does not have, or far beyond what it can show.
+    let beyond = keys(at(tiff(), 30.0, 5e5, 4.1e6), &[(1024, 1), (1025, 1), (3072, 3167)]).bytes();
+    refused(read_files(&[("a.tif", &beyond)], &DEFAULT), &["a.tif", "EPSG:3167", "--cell-size"]);
     let nowhere = keys(at(tiff(), 60.0, 9e9, 9e9), &[(1024, 1), (1025, 1), (3072, 3035)]).bytes();
     refused(read_files(&[("a.tif", &nowhere)], &DEFAULT), &["a.tif", "EPSG:3035", "--cell-size"]);
 }
@@ -239,7 +268,8 @@ fn masks_make_voids() {
         let all = ReadOptions { nodata: Nodata::None, ..DEFAULT };
         assert_eq!(read_files(&[("a.tif", &file)], &all).unwrap().0.void_count(), 0);
     }
-    let swapped = Tiff::file(&[&tiff(), &mask(1, bits.iter().map(|b| b.reverse_bits()).collect()).short(266, &[2])]);
+    let swapped =
+        Tiff::file(&[&tiff(), &mask(1, bits.iter().map(|b| b.reverse_bits()).collect()).short(266, &[2])]);
     assert_eq!(read_files(&[("a.tif", &swapped)], &DEFAULT).unwrap().0.void_count(), 36);
     // Beside the file, as GDAL writes them: an ordinary image of bytes.
     let outside = mask(8, whole).without(254).short(262, &[1]).bytes();
@@ -247,11 +277,17 @@ fn masks_make_voids() {
     assert_eq!(dem.void_count(), 7);
     told(&said, &["a.tif.msk", "7 cells"]);
     let ascii = asc(METRES);
-    assert_eq!(read_files(&[("a.asc", &ascii), ("a.asc.msk", &outside)], &DEFAULT).unwrap().0.void_count(), 7);
+    assert_eq!(
+        read_files(&[("a.asc", &ascii), ("a.asc.msk", &outside)], &DEFAULT).unwrap().0.void_count(),
+        7
+    );
     // Of another size, of unknown compression: refused, unless every number is to be a height.
     let small = Tiff::f32(2, 2, &[1.0; 4]).bytes();
     let zstd = Tiff::file(&[&tiff(), &mask(1, bits).short(259, &[50000])]);
-    refused(read_files(&[("a.tif", &tiff().bytes()), ("a.tif.msk", &small)], &DEFAULT), &["a.tif.msk", "2 rows", "--nodata none"]);
+    refused(
+        read_files(&[("a.tif", &tiff().bytes()), ("a.tif.msk", &small)], &DEFAULT),
+        &["a.tif.msk", "2 rows", "--nodata none"],
+    );
     refused(read_files(&[("a.tif", &zstd)], &DEFAULT), &["a.tif", "mask", "Zstandard", "--nodata none"]);
     let all = ReadOptions { nodata: Nodata::None, ..DEFAULT };
     assert_eq!(read_files(&[("a.tif", &zstd)], &all).unwrap().0.void_count(), 0);
@@ -264,13 +300,15 @@ fn transparency_makes_voids() {
         assert_eq!(read_described(&path, &first).unwrap().0.void_count(), 600);
     }
     // Heights and alpha in turn, in two kinds of number; alpha of any value but 0 counts as known.
-    let both: Vec<f32> = slope().iter().enumerate().flat_map(|(i, &z)| [z, if i < 9 { 0.0 } else { 0.5 }]).collect();
+    let both: Vec<f32> =
+        slope().iter().enumerate().flat_map(|(i, &z)| [z, if i < 9 { 0.0 } else { 0.5 }]).collect();
     let floats = Tiff::f32(12, 20, &both).long(256, 10).short(277, &[2]).short(338, &[2]);
     let whole: Vec<i16> = both.iter().map(|&z| z.ceil() as i16).collect();
     let integers = Tiff::i16(12, 20, &whole).long(256, 10).short(277, &[2]).short(338, &[1]);
     for tiff in [floats.clone(), integers] {
         for band in [None, Some(1)] {
-            let (dem, said) = read_files(&[("a.tif", &tiff.bytes())], &ReadOptions { band, ..DEFAULT }).unwrap();
+            let (dem, said) =
+                read_files(&[("a.tif", &tiff.bytes())], &ReadOptions { band, ..DEFAULT }).unwrap();
             assert_eq!((dem.void_count(), dem.range().0), (9, 1509.0));
             told(&said, &["band 2 (transparency)", "9 cells"]);
         }
@@ -310,7 +348,10 @@ fn transparent_pixels_of_a_png_are_voids() {
     // The caller names other levels, or none.
     let with = |nodata| ReadOptions { nodata, ..ranged };
     assert_eq!(read_files(&[("a.png", &eight)], &with(Nodata::None)).unwrap().0.void_count(), 0);
-    assert_eq!(read_files(&[("a.png", &eight)], &with(Nodata::Either([100.0, 103.0]))).unwrap().0.void_count(), 4);
+    assert_eq!(
+        read_files(&[("a.png", &eight)], &with(Nodata::Either([100.0, 103.0]))).unwrap().0.void_count(),
+        4
+    );
     // An alpha channel of 8 and of 16 bits.
     let alpha8: Vec<u8> = (0..120u8).flat_map(|i| [100 + i, if i < 5 { 0 } else { 1 }]).collect();
     let alpha8 = png(12, 10, ColorType::GrayscaleAlpha, BitDepth::Eight, &alpha8);
@@ -329,11 +370,14 @@ fn transparent_pixels_of_a_png_are_voids() {
 
 #[test]
 fn strange_numbers_are_refused_until_explained() {
-    for (name, number) in [("marker-32767.tif", "32767"), ("marker-10000.tif", "10000"), ("marker-u16-55537.tif", "55537")] {
+    for (name, number) in
+        [("marker-32767.tif", "32767"), ("marker-10000.tif", "10000"), ("marker-u16-55537.tif", "55537")]
+    {
         let Some(path) = case(name) else { continue };
         refused(read_described(&path, &DEFAULT), &[name, number, "--nodata"]);
         let numbers = [-32768.0, -32767.0, 32767.0, -10_000.0, 10_000.0, 55_537.0];
-        let dems = numbers.map(|v| read_described(&path, &ReadOptions { nodata: Nodata::Value(v), ..DEFAULT }));
+        let dems =
+            numbers.map(|v| read_described(&path, &ReadOptions { nodata: Nodata::Value(v), ..DEFAULT }));
         assert!(dems.into_iter().flatten().any(|(dem, _)| dem.void_count() > 0), "{name}");
         let none = ReadOptions { nodata: Nodata::None, ..DEFAULT };
         assert_eq!(read_described(&path, &none).unwrap().0.void_count(), 0);
@@ -364,7 +408,8 @@ fn strange_numbers_are_refused_until_explained() {
         }
     }
     // A collar is told.
-    let (dem, said) = read_files(&[("a.tif", &Tiff::f32(12, 10, &strange(1000.0)).bytes())], &DEFAULT).unwrap();
+    let (dem, said) =
+        read_files(&[("a.tif", &Tiff::f32(12, 10, &strange(1000.0)).bytes())], &DEFAULT).unwrap();
     assert_eq!(dem.void_count(), 0);
     told(&said, &["5 cells of 1000", "1503 to 1619", "--nodata 1000"]);
 }
@@ -394,7 +439,8 @@ fn what_nodata_texts_mean() {
             assert_eq!(dem.void_count(), voids);
         }
     }
-    let missing = String::from_utf8(asc(&format!("{METRES}\nnodata_value null"))).unwrap().replace(" 1501 ", " null ");
+    let missing =
+        String::from_utf8(asc(&format!("{METRES}\nnodata_value null"))).unwrap().replace(" 1501 ", " null ");
     assert_eq!(read_files(&[("a.asc", missing.as_bytes())], &DEFAULT).unwrap().0.void_count(), 1);
 }
 
@@ -427,8 +473,12 @@ fn world_files_place_a_raster() {
     let turned = b"24\n18\n18\n-24\n500000\n4100000\n";
     cells(&read_files(&[("a.tif", &bare), ("a.tfw", turned)], &DEFAULT).unwrap().0, 30.0, 30.0);
     let (dem, _) = read_files(&[("a.tif", &bare), ("a.tfw", b"30 0 0 30 15 15")], &DEFAULT).unwrap();
-    assert_eq!((dem.heights().as_slice()[0], dem.georeference().unwrap().to_model(0.0, 0.0)), (1610.0, (0.0, 360.0)));
-    let (dem, _) = read_files(&[("a.tif", &bare), ("a.tfw", world), ("a.prj", b"EPSG:2227")], &DEFAULT).unwrap();
+    assert_eq!(
+        (dem.heights().as_slice()[0], dem.georeference().unwrap().to_model(0.0, 0.0)),
+        (1610.0, (0.0, 360.0))
+    );
+    let (dem, _) =
+        read_files(&[("a.tif", &bare), ("a.tfw", world), ("a.prj", b"EPSG:2227")], &DEFAULT).unwrap();
     assert!((dem.cell_size().x() / (30.0 * US_FOOT) - 1.0).abs() < 0.01, "{:?}", dem.cell_size());
     // Not used, not read, in degrees: each is said.
     let (_, said) = read_files(&[("a.tif", &tiff().bytes()), ("a.tfw", world)], &DEFAULT).unwrap();
@@ -436,8 +486,12 @@ fn world_files_place_a_raster() {
     let (_, said) = read_files(&[("a.tif", &bare), ("a.tfw", b"30,0\n0\n")], &DEFAULT).unwrap();
     told(&said, &["a.tfw is there and not read", "six", "1 m assumed"]);
     let degrees = b"0.01\n0\n0\n-0.01\n8.005\n46.995\n";
-    refused(read_files(&[("a.tif", &bare), ("a.tfw", degrees)], &DEFAULT), &["a.tif", "degrees", "--cell-size"]);
-    let (dem, _) = read_files(&[("a.tif", &bare), ("a.tfw", degrees), ("a.prj", b"EPSG:4326")], &DEFAULT).unwrap();
+    refused(
+        read_files(&[("a.tif", &bare), ("a.tfw", degrees)], &DEFAULT),
+        &["a.tif", "degrees", "--cell-size"],
+    );
+    let (dem, _) =
+        read_files(&[("a.tif", &bare), ("a.tfw", degrees), ("a.prj", b"EPSG:4326")], &DEFAULT).unwrap();
     cells(&dem, 760.9, 1111.7);
 }
 
@@ -458,7 +512,10 @@ fn prj_files_name_the_system() {
         (FEET_PRJ, 100.0 * US_FOOT),
         // ArcInfo's own key words; a projection that is not known, but in kilometres.
         (b"Projection    STATEPLANE\nFipszone 403\nUnits         FEET\nParameters\n", 100.0 * US_FOOT),
-        (br#"PROJCS["x",GEOGCS["y",UNIT["Degree",0.0174]],PROJECTION["Bonne"],UNIT["Kilometer",1000.0]]"#, 100_000.0),
+        (
+            br#"PROJCS["x",GEOGCS["y",UNIT["Degree",0.0174]],PROJECTION["Bonne"],UNIT["Kilometer",1000.0]]"#,
+            100_000.0,
+        ),
     ] {
         let (dem, said) = read_files(&[("a.asc", &ascii), ("a.prj", text)], &DEFAULT).unwrap();
         assert!((dem.cell_size().x() / side - 1.0).abs() < 1e-3, "{:?}", dem.cell_size());
@@ -475,9 +532,12 @@ fn prj_files_name_the_system() {
     assert!((dem.range().0 - 457.2).abs() < 1e-3, "{:?}", dem.range());
     let (_, said) = read_files(&[("a.asc", &ascii), ("a.prj", b"somewhere")], &DEFAULT).unwrap();
     told(&said, &["a.prj is there and not read", "no coordinate system is stated"]);
-    let (_, said) = read_files(&[("a.tif", &projected(32611).bytes()), ("a.prj", FEET_PRJ)], &DEFAULT).unwrap();
+    let (_, said) =
+        read_files(&[("a.tif", &projected(32611).bytes()), ("a.prj", FEET_PRJ)], &DEFAULT).unwrap();
     told(&said, &["a.prj is not used"]);
-    let (_, said) = read_files(&[("a.tif", &projected(32611).bytes()), ("a.hdr", b""), ("a.tif.ovr", b"")], &DEFAULT).unwrap();
+    let (_, said) =
+        read_files(&[("a.tif", &projected(32611).bytes()), ("a.hdr", b""), ("a.tif.ovr", b"")], &DEFAULT)
+            .unwrap();
     told(&said, &["a.hdr is there and not read"]);
 }
 
@@ -492,7 +552,8 @@ fn aux_xml_files_count_before_the_file() {
     let band = |inside: &str| pam(&format!("<PAMRasterBand band=\"1\">{inside}</PAMRasterBand>"));
     let own = projected(32611).text(42113, "1502").bytes();
     let with = |xml: &[u8]| read_files(&[("a.tif", &own), ("a.tif.aux.xml", xml)], &DEFAULT);
-    let (dem, _) = with(&band("<NoDataValue>1501</NoDataValue><Scale>0.5</Scale><Offset>10</Offset>")).unwrap();
+    let (dem, _) =
+        with(&band("<NoDataValue>1501</NoDataValue><Scale>0.5</Scale><Offset>10</Offset>")).unwrap();
     assert_eq!((dem.void_count(), dem.valid().as_slice()[1], dem.range().0), (1, false, 760.0));
     let (dem, _) = with(&band("<UnitType>US survey foot</UnitType>")).unwrap();
     assert!((f64::from(dem.range().0) / (1500.0 * US_FOOT) - 1.0).abs() < 1e-6);
@@ -500,10 +561,19 @@ fn aux_xml_files_count_before_the_file() {
                  <Metadata><MDI key=\"AREA_OR_POINT\">Point</MDI></Metadata>";
     let (dem, _) = with(&pam(place)).unwrap();
     let g = dem.georeference().unwrap();
-    assert_eq!((g.epsg, g.raster_space, g.to_model(0.0, 0.0)), (Some(2227), RasterSpace::PixelIsPoint, (6.5e6, 1.9e6)));
+    assert_eq!(
+        (g.epsg, g.raster_space, g.to_model(0.0, 0.0)),
+        (Some(2227), RasterSpace::PixelIsPoint, (6.5e6, 1.9e6))
+    );
     cells(&dem, 100.0 * US_FOOT, 100.0 * US_FOOT);
     // For another band; not understood in part, or at all: said. An unknown unit is refused until the caller says one.
-    assert!(with(&pam("<PAMRasterBand band=\"2\"><NoDataValue>1501</NoDataValue></PAMRasterBand>")).unwrap().0.valid().as_slice()[1]);
+    assert!(
+        with(&pam("<PAMRasterBand band=\"2\"><NoDataValue>1501</NoDataValue></PAMRasterBand>"))
+            .unwrap()
+            .0
+            .valid()
+            .as_slice()[1]
+    );
     told(&with(&band("<Scale>much</Scale>")).unwrap().1, &["a.tif.aux.xml", "Scale", "much", "not used"]);
     told(&with(b"<PAMDataset>").unwrap().1, &["a.tif.aux.xml is there and not read"]);
     told(&with(b"<html/>").unwrap().1, &["a.tif.aux.xml is there and not read", "html"]);
@@ -559,7 +629,10 @@ fn a_zip_with_one_raster_is_read() {
     refused(read_files(&[("two.zip", &two)], &DEFAULT), &["two.zip", "a.asc, b.asc", "allowed: one"]);
     refused(read_files(&[("none.zip", &zipped(&[("a.txt", b"")]))], &DEFAULT), &["none.zip", "none"]);
     refused(read_files(&[("torn.zip", &folder[..folder.len() / 2])], &DEFAULT), &["torn.zip", "zip archive"]);
-    refused(read_files(&[("bad.zip", &zipped(&[("b.asc", b"ncols x")]))], &DEFAULT), &["bad.zip", "b.asc", "ncols"]);
+    refused(
+        read_files(&[("bad.zip", &zipped(&[("b.asc", b"ncols x")]))], &DEFAULT),
+        &["bad.zip", "b.asc", "ncols"],
+    );
 }
 
 #[test]
@@ -567,11 +640,18 @@ fn degrees_are_not_taken_for_metres() {
     if let Some(path) = case("degrees-0.05.asc") {
         refused(read_described(&path, &DEFAULT), &["degrees-0.05.asc", "degrees", "--cell-size"]);
     }
-    for (west, south, side) in
-        [(-118.0, 36.0, 0.000_278), (8.0, 46.0, 0.0083), (-118.5, 36.5, 0.25), (-20.0, 30.0, 1.0), (170.0, -50.0, 2.5)]
-    {
+    for (west, south, side) in [
+        (-118.0, 36.0, 0.000_278),
+        (8.0, 46.0, 0.0083),
+        (-118.5, 36.5, 0.25),
+        (-20.0, 30.0, 1.0),
+        (170.0, -50.0, 2.5),
+    ] {
         let grid = asc(&format!("xllcorner {west}\nyllcorner {south}\ncellsize {side}"));
-        refused(read_files(&[("a.asc", &grid)], &DEFAULT), &["a.asc", "degrees", &side.to_string(), "--cell-size"]);
+        refused(
+            read_files(&[("a.asc", &grid)], &DEFAULT),
+            &["a.asc", "degrees", &side.to_string(), "--cell-size"],
+        );
         let tif = at(tiff(), side, west, south + 12.0 * side).bytes();
         refused(read_files(&[("a.tif", &tif)], &DEFAULT), &["a.tif", "degrees", "--cell-size"]);
         let given = ReadOptions { cell_size: CellSize::square(30.0).ok(), ..DEFAULT };
@@ -582,7 +662,9 @@ fn degrees_are_not_taken_for_metres() {
     // Degrees for the size of cells at a place in metres; small cells that are metres.
     let mixed = asc("xllcorner 500000\nyllcorner 4100000\ncellsize 0.000833");
     refused(read_files(&[("a.asc", &mixed)], &DEFAULT), &["degrees", "--cell-size"]);
-    for header in ["xllcorner 500000\nyllcorner 4100000\ncellsize 0.5", "xllcorner 0\nyllcorner 0\ncellsize 1"] {
+    for header in
+        ["xllcorner 500000\nyllcorner 4100000\ncellsize 0.5", "xllcorner 0\nyllcorner 0\ncellsize 1"]
+    {
         let (_, said) = read_files(&[("a.asc", &asc(header))], &DEFAULT).unwrap();
         told(&said, &["no coordinate system is stated", "metres"]);
     }
@@ -609,7 +691,9 @@ fn a_given_cell_size_overrules_what_does_not_parse() {
     let skewed = tiff().doubles(34264, &skewed).bytes();
     refused(read_files(&[("a.tif", &skewed)], &DEFAULT), &["skewed", "--cell-size"]);
     assert_eq!(read_files(&[("a.tif", &skewed)], &given).unwrap().0.cell_size().x(), 20.0);
-    for header in ["xllcorner west\nyllcorner 0\ncellsize 30", "cellsize 30", "xllcorner 0\nyllcorner 0\ncellsize 0"] {
+    for header in
+        ["xllcorner west\nyllcorner 0\ncellsize 30", "cellsize 30", "xllcorner 0\nyllcorner 0\ncellsize 0"]
+    {
         refused(read_files(&[("a.asc", &asc(header))], &DEFAULT), &["a.asc"]);
         let (dem, _) = read_files(&[("a.asc", &asc(header))], &given).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!((dem.cell_size().y(), dem.georeference()), (25.0, None));

@@ -20,7 +20,11 @@ use std::path::Path;
 fn run(folder: &Path, args: &[&str]) -> Result<String, String> {
     let output = Command::cargo_bin("monadnock").unwrap().current_dir(folder).args(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    if output.status.success() { Ok(text(output.stdout)) } else { Err(format!("{args:?}: {}", text(output.stderr))) }
+    if output.status.success() {
+        Ok(text(output.stdout))
+    } else {
+        Err(format!("{args:?}: {}", text(output.stderr)))
+    }
 }
 
 /// A number from 0 to 1 that follows from two (SplitMix64).
@@ -64,7 +68,8 @@ fn known(case: u64, (rows, cols): (usize, usize)) -> Mask {
         "collar" => {
             // A frame of one width takes share s where (1 - 2w)^2 = 1 - s.
             let width = (1.0 - (1.0 - share).sqrt()) / 2.0;
-            let (down, right) = ((width * rows as f64).ceil() as usize, (width * cols as f64).ceil() as usize);
+            let (down, right) =
+                ((width * rows as f64).ceil() as usize, (width * cols as f64).ceil() as usize);
             let sides = [lot(2), lot(3), lot(4), lot(5)].map(|side| side > 0.3);
             Mask::from_fn(rows, cols, |c| {
                 !(sides[0] && c.row < down
@@ -85,8 +90,11 @@ fn away(valid: &Mask, cell: Cell, most: usize) -> usize {
     (1..=most)
         .find(|&d| {
             let rows = cell.row.saturating_sub(d)..(cell.row + d + 1).min(valid.rows());
-            rows.flat_map(|r| (cell.col.saturating_sub(d)..(cell.col + d + 1).min(valid.cols())).map(move |c| Cell::new(r, c)))
-                .any(|c| !valid[c])
+            rows.flat_map(|r| {
+                (cell.col.saturating_sub(d)..(cell.col + d + 1).min(valid.cols()))
+                    .map(move |c| Cell::new(r, c))
+            })
+            .any(|c| !valid[c])
         })
         .unwrap_or(most + 1)
 }
@@ -100,13 +108,17 @@ fn case(number: u64, style: &Path) -> Result<(), String> {
     let kind = KINDS[number as usize % KINDS.len()];
     // Evaluation wants a whole patch.
     let side = if number % 8 == 7 { 128 } else { 56 + (lot(number, 0) * 40.0) as usize };
-    let origin = Cell::new((lot(number, 6) * (511 - side) as f64) as usize, (lot(number, 7) * (511 - side) as f64) as usize);
+    let origin = Cell::new(
+        (lot(number, 6) * (511 - side) as f64) as usize,
+        (lot(number, 7) * (511 - side) as f64) as usize,
+    );
     let whole = bundled::load("grand-canyon").unwrap().crop(origin, side, side).unwrap();
     let mask = known(number, whole.shape());
     let dem = Dem::with_voids(whole.heights().clone(), mask, whole.cell_size()).map_err(|e| e.to_string())?;
     let dem = dem.at(whole.georeference().copied());
     write(&dem, &at.join("d.tif"), &WriteOptions::default()).unwrap();
-    let failed = |what: String| format!("case {number} ({kind}, {side}x{side}, {} voids): {what}", dem.void_count());
+    let failed =
+        |what: String| format!("case {number} ({kind}, {side}x{side}, {} voids): {what}", dem.void_count());
     let done = |args: &[&str]| run(at, args).map_err(&failed);
 
     let info: serde_json::Value = serde_json::from_str(&done(&["info", "d.tif", "--json"])?).unwrap();
@@ -130,7 +142,10 @@ fn case(number: u64, style: &Path) -> Result<(), String> {
     for (cell, &ok) in fine.valid().cells() {
         let old = Cell::new(cell.row / 2, cell.col / 2);
         if ok != dem.valid()[old] {
-            return Err(failed(format!("{cell:?} of the amplified terrain is {}", if ok { "no void" } else { "a void" })));
+            return Err(failed(format!(
+                "{cell:?} of the amplified terrain is {}",
+                if ok { "no void" } else { "a void" }
+            )));
         }
         if ok && cell.row % 2 == 0 && cell.col % 2 == 0 && away(dem.valid(), old, NEARBY) > NEARBY {
             let difference = f64::from(fine.heights()[cell]) - f64::from(all.heights()[cell]);

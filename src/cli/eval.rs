@@ -2,8 +2,8 @@
 
 use super::Context;
 use super::args::DemInput;
-use crate::dem::io::{self, WriteOptions};
 use crate::dem::Dem;
+use crate::dem::io::{self, WriteOptions};
 use crate::error::{Error, Result};
 use crate::experiment::{
     Evaluation, EvaluationConfig, Line, PATCH, Rebuilt, aggregate, evaluate, patch_cells, to_csv,
@@ -283,7 +283,12 @@ fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
     let options = WriteOptions::default();
     io::write(&metres(&patch.truth, patch.valid.clone())?, &folder.join("truth.tif"), &options)?;
     let lines = patch.lines.map_heights(|z| patch.normalization.to_metres(f64::from(z)) as f32);
-    geojson::write(&folder.join("sketch.geojson"), &Sketch::trace(&lines), HeightUnit::Metres, place.as_ref())?;
+    geojson::write(
+        &folder.join("sketch.geojson"),
+        &Sketch::trace(&lines),
+        HeightUnit::Metres,
+        place.as_ref(),
+    )?;
     for (name, output) in &patch.outputs {
         if let Some(output) = output {
             let everywhere = output.map(|_| true);

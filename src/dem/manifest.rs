@@ -139,7 +139,8 @@ impl Manifest {
         if let Some(stated) = area.sha256.as_ref().filter(|stated| !stated.eq_ignore_ascii_case(&hash)) {
             return Err(differs("sha256", hash, stated.clone()));
         }
-        let read = io::read_with_sidecars(&path, &bytes, &io::sidecars_beside(&path)?, &ReadOptions::default())?;
+        let read =
+            io::read_with_sidecars(&path, &bytes, &io::sidecars_beside(&path)?, &ReadOptions::default())?;
         let (dem, description) = read;
         let shape: [usize; 2] = dem.shape().into();
         if let Some(stated) = area.shape.filter(|stated| *stated != shape) {
@@ -175,7 +176,8 @@ impl Area {
             return Err(Error::file(path, "place", "outside", allowed));
         };
         let bytes = file::read_whole(path, io::MAX_FILE_BYTES)?;
-        let read = io::read_with_sidecars(path, &bytes, &io::sidecars_beside(path)?, &ReadOptions::default())?;
+        let read =
+            io::read_with_sidecars(path, &bytes, &io::sidecars_beside(path)?, &ReadOptions::default())?;
         let (dem, description) = read;
         let (low, high) = dem.range();
         let rounded = |z: f32| (f64::from(z) * 10.0).round() / 10.0;

@@ -212,7 +212,8 @@ mod tests {
     /// Terrain of whole metres, as files have it.
     fn rough(c: Cell) -> f64 {
         let noise = (c.row * 7919 + c.col * 104_729) % 97;
-        (1800.0 + 300.0 * (c.row as f64 * 0.11).sin() + 200.0 * (c.col as f64 * 0.17).cos() + noise as f64).round()
+        (1800.0 + 300.0 * (c.row as f64 * 0.11).sin() + 200.0 * (c.col as f64 * 0.17).cos() + noise as f64)
+            .round()
     }
 
     /// The start is nearly the answer, and its residual of the size of rounding.
@@ -223,7 +224,8 @@ mod tests {
         for void in values.cells().map(|(cell, _)| cell).collect::<Vec<_>>() {
             let known = Mask::from_fn(rows, cols, |c| c != void);
             let found = harmonic(&known, &values).unwrap_or_else(|e| panic!("{void:?}: {e}"));
-            let beside = values.cells().filter(|(c, _)| c.row.abs_diff(void.row) + c.col.abs_diff(void.col) == 1);
+            let beside =
+                values.cells().filter(|(c, _)| c.row.abs_diff(void.row) + c.col.abs_diff(void.col) == 1);
             let beside: Vec<f64> = beside.map(|(_, z)| *z).collect();
             let mean = beside.iter().sum::<f64>() / beside.len() as f64;
             assert!((found[void] - mean).abs() < 1e-9, "{void:?}: {} {mean}", found[void]);

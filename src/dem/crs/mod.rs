@@ -10,9 +10,9 @@ mod ellipsoid;
 mod ground;
 mod units;
 
+pub(in crate::dem) use definition::same_as;
 pub use definition::{Crs, CrsKind};
 pub use ellipsoid::Ellipsoid;
 pub use ground::Ground;
-pub(in crate::dem) use definition::same_as;
 pub(in crate::dem) use units::unit_code;
 pub use units::{linear_unit, unit_in_words, vertical_unit};

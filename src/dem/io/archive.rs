@@ -35,13 +35,16 @@ pub(super) fn raster_in(path: &Path, bytes: &[u8]) -> Result<(String, Vec<u8>, V
                 format!("{n} ({}{})", shown.join(", "), if n > 4 { ", ..." } else { "" })
             }
         };
-        let allowed = "allowed: one (.tif, .hgt, .asc, .png, .npy); unpack the archive and name the file to read";
+        let allowed =
+            "allowed: one (.tif, .hgt, .asc, .png, .npy); unpack the archive and name the file to read";
         return Err(Error::file(path, "number of terrain files in the archive", found, allowed));
     };
     let mut content = |name: &str, limit: u64| -> Result<Option<Vec<u8>>> {
         let entry = archive.by_name(name).map_err(damaged)?;
         let mut content = Vec::new();
-        let failed = |e: std::io::Error| Error::file(path, format!("{name} in the archive"), e, "the archive is damaged");
+        let failed = |e: std::io::Error| {
+            Error::file(path, format!("{name} in the archive"), e, "the archive is damaged")
+        };
         entry.take(limit + 1).read_to_end(&mut content).map_err(failed)?;
         Ok((content.len() as u64 <= limit).then_some(content))
     };

@@ -92,7 +92,8 @@ impl<'a> Header<'a> {
             };
             let value = words.next().map(|word| (words.line, word));
             let field = || format!("{} (line {})", KEYS[key], words.line);
-            let value = value.ok_or_else(|| Error::file(path, field(), "missing", "the file ends here: truncated?"))?;
+            let value = value
+                .ok_or_else(|| Error::file(path, field(), "missing", "the file ends here: truncated?"))?;
             if found[key].replace(value).is_some() {
                 return Err(Error::file(path, field(), "given twice", "allowed: once"));
             }
@@ -138,7 +139,8 @@ impl<'a> Header<'a> {
         let (dx, dy) = self.steps(path)?;
         let (west, point_x) = self.edge(path, "xllcorner", "xllcenter", dx)?;
         let (south, point_y) = self.edge(path, "yllcorner", "yllcenter", dy)?;
-        let raster_space = if point_x && point_y { RasterSpace::PixelIsPoint } else { RasterSpace::PixelIsArea };
+        let raster_space =
+            if point_x && point_y { RasterSpace::PixelIsPoint } else { RasterSpace::PixelIsArea };
         let north = south + dy * rows as f64;
         Ok(Place { transform: Some([dx, 0.0, west, 0.0, -dy, north]), raster_space, ..Place::NOWHERE })
     }
@@ -167,7 +169,12 @@ impl<'a> Header<'a> {
         match (self.get(path, "cellsize")?, self.get(path, "dx")?, self.get(path, "dy")?) {
             (Some(size), None, None) => check("cellsize", size).map(|s| (s, s)),
             (None, Some(dx), Some(dy)) => Ok((check("dx", dx)?, check("dy", dy)?)),
-            (None, None, None) => Err(Error::file(path, "cellsize", "absent", "the header must give it; or say it with --cell-size M")),
+            (None, None, None) => Err(Error::file(
+                path,
+                "cellsize",
+                "absent",
+                "the header must give it; or say it with --cell-size M",
+            )),
             _ => Err(Error::file(
                 path,
                 "cell size",
@@ -208,7 +215,8 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
     let Source { path, options, sidecars } = *source;
     let mut words = Words { rest: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes), line: 1 };
     let header = Header::parse(path, &mut words)?;
-    let (rows, cols) = check_size(path, header.side(path, "nrows")?, header.side(path, "ncols")?)?;
+    let (cols, rows) = (header.side(path, "ncols")?, header.side(path, "nrows")?);
+    let (rows, cols) = check_size(path, rows, cols)?;
     // Every number takes a digit and a separator.
     let room = words.rest.len().div_ceil(2);
     if rows * cols > room {
@@ -229,7 +237,9 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
     };
     let unit = sidecars.metres_per_height(path, &band, None, options, said)?;
     let rule = Rule::new(path, options, declared, unit)?
-        .scaled(band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0));
+        .scaled(band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0))
+        // Texts of 32-bit floats have more or fewer digits than their nodata.
+        .single_precision(true);
     let mut samples = Samples::new(rows, cols, rule);
     for i in 0..rows * cols {
         let word = words.next();

@@ -18,7 +18,8 @@ const SHAPES: [(usize, usize); 4] = [(3601, 3601), (3601, 1801), (1201, 1201), (
 
 /// Words that may follow the corner in a name: they say who made a tile, or how fine it is, and not where it is.
 const PRODUCTS: [&str; 12] = [
-    "SRTM", "SRTMGL1", "SRTMGL3", "SRTMGL3S", "NASADEM", "HGT", "DEM", "DTM", "DSM", "AW3D30", "COP30", "SWBD",
+    "SRTM", "SRTMGL1", "SRTMGL3", "SRTMGL3S", "NASADEM", "HGT", "DEM", "DTM", "DSM", "AW3D30", "COP30",
+    "SWBD",
 ];
 
 pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result<(Dem, Description)> {
@@ -80,7 +81,8 @@ fn corner(path: &Path) -> Result<(f64, f64), String> {
     if !rest.is_empty() {
         return Err(format!("{rest:?} after the corner is not understood: perhaps a part of a degree"));
     }
-    let resolution = |word: &str| matches!(word, "1ARC" | "3ARC" | "1" | "3" | "13" | "V1" | "V2" | "V3" | "V4");
+    let resolution =
+        |word: &str| matches!(word, "1ARC" | "3ARC" | "1" | "3" | "13" | "V1" | "V2" | "V3" | "V4");
     if let Some(strange) = words.find(|word| !PRODUCTS.contains(word) && !resolution(word)) {
         return Err(format!("{strange:?} after the corner is not understood"));
     }
@@ -95,7 +97,8 @@ fn corner(path: &Path) -> Result<(f64, f64), String> {
         let value: u16 = digits.bytes().all(|b| b.is_ascii_digit()).then(|| digits.parse().ok()).flatten()?;
         (value <= most).then_some(sign * f64::from(value))
     };
-    let latitude = degrees(latitude, 'S', 'N', 89).or_else(|| degrees(latitude, 'S', 'N', 90).filter(|l| *l < 0.0));
+    let latitude =
+        degrees(latitude, 'S', 'N', 89).or_else(|| degrees(latitude, 'S', 'N', 90).filter(|l| *l < 0.0));
     match (latitude, degrees(longitude, 'W', 'E', 180)) {
         (Some(latitude), Some(longitude)) => Ok((latitude, longitude)),
         _ => Err("it names no corner".to_owned()),
@@ -133,8 +136,19 @@ mod tests {
             assert_eq!(found.ok().unwrap_or((0.0, 0.0)), (latitude, longitude), "{name}");
         }
         for wrong in [
-            "N3W118.hgt", "tile.hgt", "N99W118.hgt", "N36W1+8.hgt", "é.hgt", "", "N45W074T86.hgt", "N45W074T86.hgt.gz",
-            "N45W074_T86.hgt", "N45W0740.hgt", "N45W074a.hgt", "N90E000.hgt", "N45W074.part2.hgt",
+            "N3W118.hgt",
+            "tile.hgt",
+            "N99W118.hgt",
+            "N36W1+8.hgt",
+            "é.hgt",
+            "",
+            "N45W074T86.hgt",
+            "N45W074T86.hgt.gz",
+            "N45W074_T86.hgt",
+            "N45W0740.hgt",
+            "N45W074a.hgt",
+            "N90E000.hgt",
+            "N45W074.part2.hgt",
         ] {
             assert!(corner(Path::new(wrong)).is_err(), "{wrong}");
         }

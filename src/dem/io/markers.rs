@@ -69,7 +69,13 @@ fn ends(heights: &[f32], valid: &[bool], peeled: &[f64]) -> (End, End) {
 }
 
 /// Refuses or tells of values that stand alone.
-pub(super) fn check(path: &Path, rule: &Rule, heights: &[f32], valid: &[bool], said: &mut Said) -> Result<()> {
+pub(super) fn check(
+    path: &Path,
+    rule: &Rule,
+    heights: &[f32],
+    valid: &[bool],
+    said: &mut Said,
+) -> Result<()> {
     let mut peeled = Vec::new();
     while peeled.len() < MOST {
         let (low, high) = ends(heights, valid, &peeled);
@@ -84,7 +90,8 @@ pub(super) fn check(path: &Path, rule: &Rule, heights: &[f32], valid: &[bool], s
         };
         let Some(found) = lonely(low, low.first).or_else(|| lonely(high, -high.first)) else { break };
         peeled.push(found.metres);
-        let others = if found.metres == low.first { (low.next, -high.first) } else { (low.first, -high.next) };
+        let others =
+            if found.metres == low.first { (low.next, -high.first) } else { (low.first, -high.next) };
         found.tell(path, rule, others, said)?;
     }
     let (low, high) = ends(heights, valid, &peeled);
@@ -138,10 +145,13 @@ impl Lonely {
                 path,
                 format!("height of {cells}"),
                 format!("{stored}, {others}"),
-                format!("{means}: say what it means, --nodata {keep} if there is no height, --nodata none if it is one"),
+                format!(
+                    "{means}: say what it means, --nodata {keep} if there is no height, --nodata none if it is one"
+                ),
             ));
         }
-        said.warnings.push(format!("{cells} of {stored}, {others}: if there is no height, say --nodata {keep}"));
+        said.warnings
+            .push(format!("{cells} of {stored}, {others}: if there is no height, say --nodata {keep}"));
         Ok(())
     }
 }
@@ -163,7 +173,9 @@ mod tests {
 
     #[test]
     fn markers_are_refused_until_explained() {
-        for marker in [-9999.0f32, 32767.0, -32767.0, 65535.0, 55537.0, 10_000.0, -10_000.0, 9999.0, -999.0, -500.0, 1e5] {
+        for marker in [
+            -9999.0f32, 32767.0, -32767.0, 65535.0, 55537.0, 10_000.0, -10_000.0, 9999.0, -999.0, -500.0, 1e5,
+        ] {
             for declared in [None, Some(-1.0)] {
                 let message = told(&[marker; 3], Nodata::AsDeclared, declared).unwrap_err().to_string();
                 let wanted = ["3 cells", &marker.to_string(), "--nodata", "1503 to 2499"];

@@ -47,7 +47,8 @@ impl FileMask<'_> {
             hide(samples, self.options, &file.name, |_| true, said);
             return Ok(());
         }
-        let known = geotiff::read_mask(&self.path.with_file_name(&file.name), &file.bytes, self.shape, self.band)?;
+        let known =
+            geotiff::read_mask(&self.path.with_file_name(&file.name), &file.bytes, self.shape, self.band)?;
         hide(samples, self.options, &file.name, |i| known[i], said);
         Ok(())
     }

@@ -116,7 +116,10 @@ impl Place {
             return settled(georeference, recorded, CellSizeSource::File);
         }
         let Some(g) = georeference else {
-            said.warnings.push("neither place nor size of cells is stated: cells of 1 m assumed (--cell-size M says it)".to_owned());
+            said.warnings.push(
+                "neither place nor size of cells is stated: cells of 1 m assumed (--cell-size M says it)"
+                    .to_owned(),
+            );
             return settled(None, CellSize::square(1.0)?, CellSizeSource::Assumed);
         };
         let ground = g.ground(shape).map_err(|e| e.in_file(path))?;

@@ -8,8 +8,8 @@
 //! Written with 16 bits: heights become the nearest of 65535 levels between the lowest and the highest (level 0 is kept
 //! for voids), so a height comes back within range / 131068.
 
-use super::numbers::NumberType;
 use super::mask::{FileMask, hide};
+use super::numbers::NumberType;
 use super::place::{Place, Said};
 use super::reading::Source;
 use super::samples::{Rule, Samples, check_size};
@@ -97,7 +97,7 @@ impl Levels {
         let info = reader.info();
         let text = info.uncompressed_latin1_text.iter().find(|chunk| chunk.keyword == KEYWORD);
         let level = |raw: &[u8]| raw.iter().fold(0.0, |level, byte| level * 256.0 + f64::from(*byte));
-        let transparent_level = info.trns.as_deref().filter(|trns| trns.len() == 2).map(level);
+        let transparent_level = info.trns.as_deref().filter(|trns| matches!(trns.len(), 1 | 2)).map(level);
         let (grey, transparent) = if channels == 1 {
             (raw, None)
         } else {
@@ -122,11 +122,13 @@ fn record(path: &Path, text: Option<&str>, options: &ReadOptions, said: &mut Sai
     match parsed {
         Ok(record) => Ok(Some(record)),
         Err(reason) if options.elevation.is_some() => {
-            said.warnings.push(format!("text chunk {KEYWORD:?} is not used, as --elevation is given: {reason}"));
+            said.warnings
+                .push(format!("text chunk {KEYWORD:?} is not used, as --elevation is given: {reason}"));
             Ok(None)
         }
         Err(reason) => {
-            let allowed = "allowed: what this program writes there; or give the heights with --elevation MIN,MAX";
+            let allowed =
+                "allowed: what this program writes there; or give the heights with --elevation MIN,MAX";
             Err(Error::file(path, format!("text chunk {KEYWORD:?}"), reason, allowed))
         }
     }
@@ -157,7 +159,8 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
         }
     };
     let per_level = (range.high() - range.low()) / (levels.highest - lowest);
-    let declared = if record.is_some() { Some(0.0) } else { sidecars.band(0).nodata.or(levels.transparent_level) };
+    let declared =
+        if record.is_some() { Some(0.0) } else { sidecars.band(0).nodata.or(levels.transparent_level) };
     let levels_only = ReadOptions { metres_per_unit: None, ..*options };
     let rule = Rule::new(path, &levels_only, declared, 1.0)?.lenient();
     let rule = rule.scaled(per_level, range.low() - lowest * per_level);

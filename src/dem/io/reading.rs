@@ -63,7 +63,8 @@ pub fn read_with_sidecars(
 ) -> Result<(Dem, Description)> {
     let packed = |packer: &str, (dem, mut description): (Dem, Description)| {
         let packing = std::mem::take(&mut description.packing);
-        description.packing = if packing.is_empty() { packer.to_owned() } else { format!("{packer}, {packing}") };
+        description.packing =
+            if packing.is_empty() { packer.to_owned() } else { format!("{packer}, {packing}") };
         (dem, description)
     };
     if is_gzip(path) {

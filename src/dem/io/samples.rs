@@ -38,7 +38,10 @@ pub(super) fn nodata_number(text: &str) -> Option<f64> {
     let text = text.trim();
     let not_a_number = |t: &str| {
         let t = t.trim_start_matches(['-', '+']).to_ascii_lowercase();
-        t.starts_with("1.#qnan") || t.starts_with("1.#snan") || t.starts_with("1.#ind") || t.starts_with("nan")
+        t.starts_with("1.#qnan")
+            || t.starts_with("1.#snan")
+            || t.starts_with("1.#ind")
+            || t.starts_with("nan")
     };
     if not_a_number(text) { Some(f64::NAN) } else { text.parse().ok() }
 }
@@ -194,7 +197,8 @@ impl Samples {
     /// The finished DEM. Says in `said` which heights are strange.
     pub(super) fn into_dem(self, path: &Path, cell_size: CellSize, said: &mut Said) -> Result<Dem> {
         if let Some((index, value, count)) = self.absurd {
-            let cells = if count == 1 { String::new() } else { format!(" (and of {} cells more)", count - 1) };
+            let cells =
+                if count == 1 { String::new() } else { format!(" (and of {} cells more)", count - 1) };
             return Err(Error::file(
                 path,
                 format!("height at row {}, column {}{cells}", index / self.cols, index % self.cols),
@@ -230,7 +234,10 @@ mod tests {
         for text in ["nan", "-1.#QNAN", "1.#IND", "-nan(ind)", " NaN "] {
             assert!(nodata_number(text).unwrap().is_nan(), "{text}");
         }
-        assert_eq!((nodata_number("-9999.0 "), nodata_number("null"), nodata_number("-9999,0")), (Some(-9999.0), None, None));
+        assert_eq!(
+            (nodata_number("-9999.0 "), nodata_number("null"), nodata_number("-9999,0")),
+            (Some(-9999.0), None, None)
+        );
         assert!(is_no_nodata("NULL") && is_no_nodata(" ") && !is_no_nodata("-1"));
     }
 

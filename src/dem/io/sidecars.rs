@@ -136,9 +136,9 @@ impl Sidecars {
                 Some(Kind::World) if found.world.is_none() => {
                     text().and_then(world).map(|t| found.world = Some((file.name.clone(), t)))
                 }
-                Some(Kind::Projection) => text()
-                    .and_then(projection)
-                    .map(|crs| found.projection = Some((file.name.clone(), crs))),
+                Some(Kind::Projection) => {
+                    text().and_then(projection).map(|crs| found.projection = Some((file.name.clone(), crs)))
+                }
                 Some(Kind::Pam) => text().and_then(|text| Pam::parse(text, &file.name, said)).map(|pam| {
                     found.pam_name.clone_from(&file.name);
                     found.pam = Some(pam);
@@ -185,11 +185,13 @@ impl Sidecars {
             Some(name) => Some(named_unit(&path.with_file_name(&self.pam_name), name)?),
             None => None,
         };
-        let projection = self.pam.as_ref().and_then(|pam| pam.crs).or(self.projection.as_ref().map(|(_, crs)| *crs));
+        let projection =
+            self.pam.as_ref().and_then(|pam| pam.crs).or(self.projection.as_ref().map(|(_, crs)| *crs));
         let stated = beside.or(own).or_else(|| projection?.vertical_metres_per_unit());
         let metres = stated.unwrap_or(1.0);
         if metres != 1.0 {
-            said.notes.push(format!("heights converted to metres: they are in units of {}", unit_in_words(metres)));
+            said.notes
+                .push(format!("heights converted to metres: they are in units of {}", unit_in_words(metres)));
         }
         Ok(metres)
     }
@@ -227,7 +229,8 @@ fn projection(text: &str) -> Result<Crs, String> {
         let mut lines = text.lines().map(str::split_whitespace);
         lines.find_map(|mut words| words.next().filter(|w| w.eq_ignore_ascii_case(key)).and(words.next()))
     };
-    let unknown = |unit: &str| format!("its unit is {unit:?}; allowed: METERS, FEET, a number of units per metre, DD");
+    let unknown =
+        |unit: &str| format!("its unit is {unit:?}; allowed: METERS, FEET, a number of units per metre, DD");
     let heights = value("Zunits").filter(|z| !z.eq_ignore_ascii_case("no"));
     let unit = value("Units").unwrap_or("METERS");
     let crs = match unit.to_ascii_uppercase().as_str() {

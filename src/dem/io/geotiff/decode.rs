@@ -17,7 +17,11 @@ use crate::dem::Dem;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-pub(in super::super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result<(Dem, Description)> {
+pub(in super::super) fn read(
+    source: &Source<'_>,
+    bytes: &[u8],
+    said: &mut Said,
+) -> Result<(Dem, Description)> {
     let Source { path, options, sidecars } = *source;
     let directory = Directory::parse(path, bytes)?;
     let layout = Layout::parse(path, &directory, bytes.len() as u64)?;
@@ -33,7 +37,8 @@ pub(in super::super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said)
         .single_precision(layout.numbers.name() == "f32");
 
     let shape = (layout.rows, layout.cols);
-    let recorded = |transform: Option<[f64; 6]>| metadata.cell_size.zip(transform).and_then(|(r, t)| r.for_transform(t));
+    let recorded =
+        |transform: Option<[f64; 6]>| metadata.cell_size.zip(transform).and_then(|(r, t)| r.for_transform(t));
     let settled = place.settle(path, options, sidecars, shape, recorded, said)?;
 
     let mut samples = Samples::new(shape.0, shape.1, rule);
@@ -44,7 +49,8 @@ pub(in super::super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said)
         hide(&mut samples, options, "mask in the file", |i| known[i], said);
     }
     if alpha.contains(&band) {
-        said.warnings.push(format!("band {} is marked as transparency, and read as heights as --band says", band + 1));
+        said.warnings
+            .push(format!("band {} is marked as transparency, and read as heights as --band says", band + 1));
     } else if let Some(&alpha) = alpha.first() {
         let mut known = vec![false; shape.0 * shape.1];
         each_number(path, bytes, &layout, alpha, |i, value| known[i] = value != 0.0)?;

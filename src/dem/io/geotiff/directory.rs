@@ -76,7 +76,8 @@ impl<'a> Directory<'a> {
             file.read_entry(start + count_size + i * entry_size, pointer)?;
         }
         // Absent in files that were cut off after the last entry: no more images then.
-        self.next = self.number("next directory", start + count_size + entries * entry_size, pointer).unwrap_or(0);
+        self.next =
+            self.number("next directory", start + count_size + entries * entry_size, pointer).unwrap_or(0);
         Ok(self)
     }
 

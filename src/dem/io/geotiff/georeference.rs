@@ -44,7 +44,12 @@ fn transform(
     said: &mut Said,
 ) -> Result<Option<[f64; 6]>> {
     let wrong_count = |t: u16, n: usize, allowed: &str| {
-        Error::file(path, tag::name(t), format!("{n} numbers"), format!("allowed: {allowed}; or give --cell-size M"))
+        Error::file(
+            path,
+            tag::name(t),
+            format!("{n} numbers"),
+            format!("allowed: {allowed}; or give --cell-size M"),
+        )
     };
     // In the file's own raster coordinates.
     let [a, b, c, d, e, f] = if let Some(m) = directory.floats(tag::MODEL_TRANSFORMATION)? {
@@ -183,7 +188,8 @@ impl Keys {
             let definition = self.geographic(path, epsg)?;
             return Ok(System { epsg, definition, degrees: self.degrees_per_unit(path)? });
         }
-        let stated = self.linear_unit(path, key::LINEAR_UNITS, Some(key::LINEAR_UNIT_SIZE), "--cell-size M")?;
+        let stated =
+            self.linear_unit(path, key::LINEAR_UNITS, Some(key::LINEAR_UNIT_SIZE), "--cell-size M")?;
         if model == 0 {
             let definition = stated.map(Crs::local).transpose().map_err(|e| e.in_file(path))?;
             return Ok(System { definition, ..System::default() });
@@ -197,15 +203,22 @@ impl Keys {
         let known = epsg.and_then(Crs::from_epsg).filter(|crs| crs.kind() == CrsKind::Geographic);
         match known {
             Some(_) => Ok(None),
-            None => Ok(Some(Crs::geographic(self.ellipsoid(path)?))),
+            None => Ok(Some(self.own_geographic(path)?)),
         }
     }
 
     /// Code and definition of a projected system.
-    fn projected(&self, path: &Path, stated: Option<f64>, said: &mut Said) -> Result<(Option<u32>, Option<Crs>)> {
+    fn projected(
+        &self,
+        path: &Path,
+        stated: Option<f64>,
+        said: &mut Said,
+    ) -> Result<(Option<u32>, Option<Crs>)> {
         let mut epsg = self.epsg(key::PROJECTED_CRS);
         // Esri's web mercator has the keys of an ellipsoidal one.
-        if epsg.is_none() && ["Mercator_Auxiliary_Sphere", "Pseudo-Mercator"].iter().any(|n| self.text.contains(n)) {
+        if epsg.is_none()
+            && ["Mercator_Auxiliary_Sphere", "Pseudo-Mercator"].iter().any(|n| self.text.contains(n))
+        {
             epsg = Some(3857);
         }
         let known = epsg.and_then(Crs::from_epsg);
@@ -250,8 +263,14 @@ impl Keys {
         let known = self.epsg(key::GEODETIC_CRS).and_then(Crs::from_epsg);
         match known.filter(|crs| crs.kind() == CrsKind::Geographic) {
             Some(crs) => Ok(crs),
-            None => Ok(Crs::geographic(self.ellipsoid(path)?)),
+            None => Ok(self.own_geographic(path)?),
         }
+    }
+
+    /// The geographic system that the file describes without a code.
+    fn own_geographic(&self, path: &Path) -> Result<Crs> {
+        let datum = self.epsg(key::GEODETIC_DATUM).unwrap_or(0);
+        Ok(Crs::geographic(self.ellipsoid(path)?).with_datum(datum))
     }
 
     fn degrees_per_unit(&self, path: &Path) -> Result<f64> {
@@ -289,7 +308,11 @@ impl Keys {
     /// Metres in the linear unit that a key names, or the key beside it defines.
     fn linear_unit(&self, path: &Path, key: u16, size: Option<u16>, option: &str) -> Result<Option<f64>> {
         let Some(code) = self.code(key).filter(|code| *code != 0) else { return Ok(None) };
-        let metres = if code == key::USER_DEFINED { size.and_then(|size| self.double(size)) } else { linear_unit(code.into()) };
+        let metres = if code == key::USER_DEFINED {
+            size.and_then(|size| self.double(size))
+        } else {
+            linear_unit(code.into())
+        };
         match metres {
             Some(metres) if metres.is_finite() && metres > 0.0 => Ok(Some(metres)),
             Some(metres) => {

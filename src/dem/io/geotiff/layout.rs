@@ -85,7 +85,8 @@ impl Layout {
         if !(1..=1024).contains(&samples) {
             return Err(Error::file(path, "SamplesPerPixel", samples, "allowed: 1 to 1024 bands"));
         }
-        let bits = directory.one(tag::BITS_PER_SAMPLE)?.unwrap_or(1) == 1 && directory.one(tag::PHOTOMETRIC)? == Some(4);
+        let bits = directory.one(tag::BITS_PER_SAMPLE)?.unwrap_or(1) == 1
+            && directory.one(tag::PHOTOMETRIC)? == Some(4);
         let (kind, numbers) =
             if bits { (NumberKind::Unsigned, NumberType::U8) } else { number_type(path, directory)? };
         let method = compression(path, directory.one(tag::COMPRESSION)?.unwrap_or(1))?;
@@ -102,7 +103,12 @@ impl Layout {
             other => return Err(Error::file(path, "PlanarConfiguration", other, "allowed: 1 or 2")),
         };
         if bits && samples > 1 && !planar {
-            return Err(Error::file(path, "SamplesPerPixel", samples, "allowed with 1 bit: 1, or each band apart"));
+            return Err(Error::file(
+                path,
+                "SamplesPerPixel",
+                samples,
+                "allowed with 1 bit: 1, or each band apart",
+            ));
         }
         let tiled = directory.has(tag::TILE_OFFSETS);
         let (chunk_rows, chunk_cols) = if tiled {

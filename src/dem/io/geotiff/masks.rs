@@ -41,7 +41,12 @@ pub(super) fn internal(
 }
 
 /// The cells that are known by the mask file `bytes`, for a band counted from 0.
-pub(in super::super) fn read_mask(path: &Path, bytes: &[u8], shape: (usize, usize), band: usize) -> Result<Vec<bool>> {
+pub(in super::super) fn read_mask(
+    path: &Path,
+    bytes: &[u8],
+    shape: (usize, usize),
+    band: usize,
+) -> Result<Vec<bool>> {
     values(path, bytes, &Directory::parse(path, bytes)?, shape, band)
 }
 

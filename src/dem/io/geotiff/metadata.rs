@@ -57,7 +57,9 @@ impl Metadata {
         said: &mut Said,
     ) -> Result<Self> {
         let nodata = match options.nodata {
-            Nodata::AsDeclared => declared(path, &directory.text(tag::GDAL_NODATA)?.unwrap_or_default(), said)?,
+            Nodata::AsDeclared => {
+                declared(path, &directory.text(tag::GDAL_NODATA)?.unwrap_or_default(), said)?
+            }
             _ => None,
         };
         let mut found = Self { nodata, scale: 1.0, offset: 0.0, unit: None, cell_size: None };
@@ -132,7 +134,9 @@ fn declared(path: &Path, text: &str, said: &mut Said) -> Result<Option<f64>> {
         return Ok(None);
     }
     let allowed = "allowed: a number; or say it with --nodata";
-    nodata_number(text).map(Some).ok_or_else(|| Error::file(path, "GDAL_NODATA", format!("{text:?}"), allowed))
+    nodata_number(text)
+        .map(Some)
+        .ok_or_else(|| Error::file(path, "GDAL_NODATA", format!("{text:?}"), allowed))
 }
 
 #[cfg(test)]

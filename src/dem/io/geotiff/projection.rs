@@ -25,7 +25,8 @@ mod code {
 pub(super) fn method(projection: u16, get: impl Fn(u16) -> Option<f64>, metres: f64) -> Option<Method> {
     // Writers differ in which of the keys of one meaning they use.
     let first = |keys: &[u16]| keys.iter().find_map(|&key| get(key));
-    let lon0 = first(&[key::ORIGIN_LONG, key::FALSE_ORIGIN_LONG, key::CENTER_LONG, key::POLE_LONG]).unwrap_or(0.0);
+    let lon0 =
+        first(&[key::ORIGIN_LONG, key::FALSE_ORIGIN_LONG, key::CENTER_LONG, key::POLE_LONG]).unwrap_or(0.0);
     let lat0 = first(&[key::ORIGIN_LAT, key::FALSE_ORIGIN_LAT, key::CENTER_LAT]).unwrap_or(0.0);
     let east = first(&[key::FALSE_EASTING, key::FALSE_ORIGIN_EASTING, key::CENTER_EASTING]);
     let north = first(&[key::FALSE_NORTHING, key::FALSE_ORIGIN_NORTHING, key::CENTER_NORTHING]);
@@ -33,7 +34,9 @@ pub(super) fn method(projection: u16, get: impl Fn(u16) -> Option<f64>, metres: 
     let k0 = first(&[key::ORIGIN_SCALE, key::CENTER_SCALE]).unwrap_or(1.0);
     let (lat1, lat2) = (get(key::PARALLEL_1), get(key::PARALLEL_2));
     Some(match projection {
-        code::TRANSVERSE_MERCATOR => Method::TransverseMercator { lon0, lat0, k0, false_easting, false_northing },
+        code::TRANSVERSE_MERCATOR => {
+            Method::TransverseMercator { lon0, lat0, k0, false_easting, false_northing }
+        }
         code::MERCATOR if lat0 == 0.0 => {
             Method::Mercator { lon0, lat_ts: lat1.unwrap_or(0.0), k0, false_easting, false_northing }
         }
@@ -45,12 +48,16 @@ pub(super) fn method(projection: u16, get: impl Fn(u16) -> Option<f64>, metres: 
             let (lat1, lat2) = (lat0, lat0);
             Method::LambertConformalConic { lon0, lat0, lat1, lat2, k0, false_easting, false_northing }
         }
-        code::LAMBERT_AZIMUTHAL => Method::LambertAzimuthalEqualArea { lon0, lat0, false_easting, false_northing },
+        code::LAMBERT_AZIMUTHAL => {
+            Method::LambertAzimuthalEqualArea { lon0, lat0, false_easting, false_northing }
+        }
         code::ALBERS => {
             let (lat1, lat2) = (lat1?, lat2?);
             Method::AlbersEqualArea { lon0, lat0, lat1, lat2, false_easting, false_northing }
         }
-        code::AZIMUTHAL_EQUIDISTANT => Method::AzimuthalEquidistant { lon0, lat0, false_easting, false_northing },
+        code::AZIMUTHAL_EQUIDISTANT => {
+            Method::AzimuthalEquidistant { lon0, lat0, false_easting, false_northing }
+        }
         // At the pole the scale is k0; elsewhere the latitude is that of true scale.
         code::POLAR_STEREOGRAPHIC => {
             Method::PolarStereographic { lon0, lat_ts: lat0, k0, false_easting, false_northing }
@@ -94,7 +101,12 @@ pub(super) fn keys(method: Method, metres: f64) -> Option<(u16, Vec<(u16, f64)>)
         }
         Method::LambertConformalConic { lon0, lat0, lat1, lat2, k0, false_easting, false_northing } => {
             if lat1 == lat2 && lat1 == lat0 {
-                return with(code::LAMBERT_1SP, scaled(origin(lon0, lat0), k0), false_easting, false_northing);
+                return with(
+                    code::LAMBERT_1SP,
+                    scaled(origin(lon0, lat0), k0),
+                    false_easting,
+                    false_northing,
+                );
             }
             let (east, north) = (false_easting / metres, false_northing / metres);
             (k0 == 1.0).then(|| {
@@ -128,7 +140,8 @@ pub(super) fn keys(method: Method, metres: f64) -> Option<(u16, Vec<(u16, f64)>)
             with(code::OBLIQUE_STEREOGRAPHIC, scaled(origin(lon0, lat0), k0), false_easting, false_northing)
         }
         Method::EquidistantCylindrical { lon0, lat_ts, false_easting, false_northing } => {
-            let parameters = vec![(key::CENTER_LONG, lon0), (key::CENTER_LAT, 0.0), (key::PARALLEL_1, lat_ts)];
+            let parameters =
+                vec![(key::CENTER_LONG, lon0), (key::CENTER_LAT, 0.0), (key::PARALLEL_1, lat_ts)];
             with(code::EQUIRECTANGULAR, parameters, false_easting, false_northing)
         }
         Method::CassiniSoldner { lon0, lat0, false_easting, false_northing } => {
@@ -154,7 +167,15 @@ mod tests {
             Method::Mercator { lon0, lat_ts: 0.0, k0, false_easting, false_northing },
             Method::Mercator { lon0, lat_ts, k0: 1.0, false_easting, false_northing },
             Method::LambertConformalConic { lon0, lat0, lat1, lat2, k0: 1.0, false_easting, false_northing },
-            Method::LambertConformalConic { lon0, lat0, lat1: lat0, lat2: lat0, k0, false_easting, false_northing },
+            Method::LambertConformalConic {
+                lon0,
+                lat0,
+                lat1: lat0,
+                lat2: lat0,
+                k0,
+                false_easting,
+                false_northing,
+            },
             Method::LambertAzimuthalEqualArea { lon0, lat0, false_easting, false_northing },
             Method::AlbersEqualArea { lon0, lat0, lat1, lat2, false_easting, false_northing },
             Method::AzimuthalEquidistant { lon0, lat0, false_easting, false_northing },
