@@ -192,8 +192,8 @@ fn absurd_tags() {
     refused("a.tif", &sound().text(42112, size).bytes(), &["cell size", "0 x 0"]);
     let size = r#"<Item name="MONADNOCK_CELL_SIZE">large</Item>"#;
     refused("a.tif", &sound().text(42112, size).bytes(), &["MONADNOCK_CELL_SIZE", "large"]);
-    let unit = r#"<Item name="UNITTYPE" sample="0" role="unittype">fathom</Item>"#;
-    refused("a.tif", &sound().text(42112, unit).bytes(), &["vertical unit", "fathom"]);
+    let unit = r#"<Item name="UNITTYPE" sample="0" role="unittype">furlong</Item>"#;
+    refused("a.tif", &sound().text(42112, unit).bytes(), &["vertical unit", "furlong"]);
 }
 
 #[test]
@@ -252,7 +252,7 @@ fn heights_that_are_none() {
     let dem = attempt("a.tif", &some.bytes(), &ReadOptions::default()).unwrap();
     assert_eq!((dem.void_count(), dem.range()), (3, (1.0, 6.0)));
     let undeclared = Tiff::f32(2, 2, &[1.0, 2.0, -9999.0, 4.0]);
-    refused("a.tif", &undeclared.bytes(), &["-9999", "nodata", "1 cells"]);
+    refused("a.tif", &undeclared.bytes(), &["-9999", "nodata", "1 cell"]);
     let explained = ReadOptions { nodata: Nodata::Value(-9999.0), ..Default::default() };
     assert_eq!(attempt("a.tif", &undeclared.bytes(), &explained).unwrap().void_count(), 1);
     refused("a.tif", &Tiff::f32(2, 2, &[1.0, 2.0, 3.0, -3.4e38]).bytes(), &["row 1, column 1", "nodata"]);
@@ -265,8 +265,10 @@ fn heights_that_are_none() {
 fn pictures_that_are_not_terrain() {
     let rgb = png(2, 2, ColorType::Rgb, BitDepth::Eight, &[9; 12]);
     refused_with("a.png", &rgb, &ranged(), &["colour type", "Rgb"]);
-    let alpha = png(2, 2, ColorType::GrayscaleAlpha, BitDepth::Sixteen, &[9; 16]);
-    refused_with("a.png", &alpha, &ranged(), &["colour type", "Alpha"]);
+    let alpha = png(2, 2, ColorType::Rgba, BitDepth::Sixteen, &[9; 32]);
+    refused_with("a.png", &alpha, &ranged(), &["colour type", "Rgba"]);
+    let nothing = png(2, 2, ColorType::GrayscaleAlpha, BitDepth::Eight, &[9, 0, 8, 0, 7, 0, 6, 0]);
+    refused_with("a.png", &nothing, &ranged(), &["valid heights", "0"]);
     let bits = png(2, 2, ColorType::Grayscale, BitDepth::Four, &[9; 2]);
     refused_with("a.png", &bits, &ranged(), &["bit depth", "4"]);
     let grey = png(2, 2, ColorType::Grayscale, BitDepth::Eight, &[9; 4]);
@@ -371,11 +373,11 @@ fn ascii_grids_that_do_not_add_up() {
         &["row 0, column 0", "3.4028235e38"],
     );
     // Sound, though odd: upper case, centres, dx and dy, nan, Windows line ends.
-    let odd = "NROWS 2\r\nNCOLS 2\r\nXLLCENTER 10\r\nYLLCENTER 20\r\nDX 2\r\nDY 4\r\nnan 2\r\n-3e1 4\r\n";
+    let odd = "NROWS 2\r\nNCOLS 2\r\nXLLCENTER 1000\r\nYLLCENTER 2000\r\nDX 2\r\nDY 4\r\nnan 2\r\n-3e1 4\r\n";
     let dem = attempt("a.txt", odd.as_bytes(), &ReadOptions::default()).unwrap();
     assert_eq!((dem.void_count(), dem.range()), (1, (-30.0, 4.0)));
     assert_eq!((dem.cell_size().x(), dem.cell_size().y()), (2.0, 4.0));
-    assert_eq!(dem.georeference().unwrap().to_model(0.5, 1.5), (10.0, 20.0));
+    assert_eq!(dem.georeference().unwrap().to_model(0.5, 1.5), (1000.0, 2000.0));
 }
 
 #[test]

@@ -193,7 +193,7 @@ fn damaged_arrays_and_grids() {
     ];
     mutate(&arrays, cases() * 8);
     let centred =
-        "NROWS 2\r\nNCOLS 3\r\nXLLCENTER 10\r\nYLLCENTER 20\r\nDX 2\r\nDY 4\r\nnan 2 5\r\n-3e1 4 inf\r\n";
+        "NROWS 2\r\nNCOLS 3\r\nXLLCENTER 1000\r\nYLLCENTER 2000\r\nDX 2\r\nDY 4\r\nnan 2 5\r\n-3e1 4 inf\r\n";
     let grids = [written("asc"), ("centred.asc".to_owned(), centred.as_bytes().to_vec())];
     mutate(&grids, cases() * 12);
 }

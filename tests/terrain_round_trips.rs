@@ -7,6 +7,7 @@
     reason = "test helpers fail by panicking"
 )]
 
+use monadnock::dem::crs::Crs;
 use monadnock::dem::io::{Nodata, ReadOptions, SampleType, WriteOptions, read, read_described, write};
 use monadnock::dem::{CellSize, Dem, Georeference, Normalization, RasterSpace};
 use monadnock::grid::{Cell, Grid};
@@ -46,6 +47,34 @@ fn places() -> Vec<(Georeference, CellSize)> {
             ));
         }
     }
+    // Systems that no code names, and lengths at no known place.
+    for (text, x, y) in [
+        ("+proj=lcc +lat_1=33 +lat_2=45 +lat_0=39 +lon_0=-96 +datum=NAD83 +units=us-ft", 30.480_060_96, 25.4),
+        ("+proj=merc +lon_0=10 +k=0.9 +datum=WGS84", 27.0, 22.5),
+        ("+proj=aea +lat_1=29.5 +lat_2=45.5 +lat_0=23 +lon_0=-96 +datum=NAD83", 100.0, 80.0),
+        ("+proj=laea +lat_0=45 +lon_0=-100 +datum=WGS84", 100.0, 80.0),
+        ("+proj=stere +lat_0=90 +lat_ts=71 +lon_0=-45 +datum=WGS84", 100.0, 80.0),
+        ("+proj=tmerc +lat_0=40 +lon_0=-117 +k=0.9999 +x_0=1000 +datum=NAD83 +units=ft", 30.48, 24.384),
+        ("+proj=eqc +lat_ts=30 +datum=WGS84", 100.0, 80.0),
+        ("+proj=longlat +R=1737400", 3.0e6, 2.4e6),
+        ("LOCAL_CS[\"x\",UNIT[\"foot\",0.3048]]", 30.48, 24.384),
+        ("LOCAL_CS[\"x\",UNIT[\"rod\",5.0292]]", 502.92, 402.336),
+    ] {
+        let definition = Crs::parse(text).unwrap();
+        let degrees = definition.metres_per_unit().is_none();
+        let transform = if degrees {
+            [0.01, 0.0, 8.0, 0.0, -0.008, 47.0]
+        } else {
+            [100.0, 0.0, 3000.0, 0.0, -80.0, 5000.0]
+        };
+        let place = Georeference {
+            transform,
+            epsg: None,
+            definition: Some(definition),
+            raster_space: RasterSpace::PixelIsArea,
+        };
+        found.push((place, CellSize::new(x, y).unwrap()));
+    }
     found
 }
 
@@ -58,7 +87,11 @@ fn geotiff_gives_everything_back_at_every_place() {
         let back = there_and_back(&dem, "a.tif", &WriteOptions::default());
         assert_eq!(back.heights(), dem.heights());
         assert_eq!(back.valid(), dem.valid());
-        assert_eq!(back.georeference(), dem.georeference());
+        // A place of no stated system comes back as one in metres, which its cell size says.
+        let placed = *back.georeference().unwrap();
+        let metres = place.epsg.is_none() && place.definition.is_none() && place.transform[0] > 1.0;
+        let definition = if metres { Crs::local(1.0).ok() } else { place.definition };
+        assert_eq!(placed, Georeference { definition, ..place });
         assert_eq!(back.cell_size(), dem.cell_size(), "{place:?}");
         // Once more, for the cell size may now come from the coordinates.
         assert_eq!(there_and_back(&back, "b.tiff", &WriteOptions::default()), back);
@@ -165,7 +198,15 @@ fn npy_and_ascii_keep_heights_and_voids() {
         let mut heights = dem.heights().clone();
         heights[Cell::new(0, 0)] = -9999.0;
         let deep = Dem::with_voids(heights, dem.valid().clone(), dem.cell_size()).unwrap().at(Some(place));
-        assert_eq!(there_and_back(&deep, "a.asc", &WriteOptions::default()), deep);
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.asc");
+        write(&deep, &path, &WriteOptions::default()).unwrap();
+        // Alone among hills it is refused until somebody says that it is a height.
+        assert!(
+            read(&path, &ReadOptions::default()).unwrap_err().to_string().contains("--nodata -99999,-9999")
+        );
+        let voids = Nodata::Value(-99999.0);
+        assert_eq!(read(&path, &ReadOptions { nodata: voids, ..Default::default() }).unwrap(), deep);
     }
 }
 
@@ -201,7 +242,7 @@ fn the_description_tells_how_a_file_is_packed() {
     write(&hills(700, 600, 13), &path, &WriteOptions::default()).unwrap();
     let (_, said) = read_described(&path, &ReadOptions::default()).unwrap();
     assert_eq!((said.sample, said.packing.as_str()), ("f32", "deflate, predictor 3, 7 strips of 600x109"));
-    assert_eq!(said.coordinates, "local, metres");
+    assert_eq!(said.coordinates, "local, metre");
 }
 
 fn any_dem() -> impl Strategy<Value = Dem> {
@@ -225,13 +266,14 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         // An .npy declares no nodata and no cell size; small cells of an .asc could be degrees.
         let given = Some(dem.cell_size());
-        for (name, nodata, cell_size) in [
-            ("a.tif", Nodata::AsDeclared, None),
-            ("a.npy", Nodata::None, given),
-            ("a.asc", Nodata::AsDeclared, given),
-        ] {
+        for (name, cell_size) in [("a.tif", None), ("a.npy", given), ("a.asc", given)] {
             let path = dir.path().join(name);
             write(&dem, &path, &WriteOptions::default()).unwrap();
+            // Some of the heights are popular as markers: here it is known that they are none.
+            let nodata = match std::fs::read_to_string(&path) {
+                Ok(text) => Nodata::Value(text.split("nodata_value ").nth(1).unwrap().split('\n').next().unwrap().parse().unwrap()),
+                Err(_) => Nodata::None,
+            };
             let back = read(&path, &ReadOptions { nodata, cell_size, ..Default::default() }).unwrap();
             prop_assert_eq!(back.heights(), dem.heights());
             prop_assert_eq!(back.valid(), dem.valid());
@@ -255,7 +297,9 @@ fn leave_files_for_other_programs() {
             RasterSpace::PixelIsArea => "Area",
             RasterSpace::PixelIsPoint => "Point",
         };
-        let words = serde_json::json!({ "transform": place.transform, "epsg": place.epsg, "space": space });
+        let words = serde_json::json!({
+            "transform": place.transform, "epsg": place.epsg, "space": space, "definition": place.definition,
+        });
         std::fs::write(directory.join(format!("{i}.json")), words.to_string()).unwrap();
     }
     let int16 = WriteOptions { sample_type: SampleType::Int16, ..Default::default() };

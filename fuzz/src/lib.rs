@@ -1,8 +1,8 @@
 //! What every target checks: a reader answers without a panic, and what it accepts is a sound DEM or sketch.
 
-use monadnock::dem::Normalization;
-use monadnock::dem::io::{ReadOptions, read_bytes};
-use monadnock::dem::{Georeference, RasterSpace};
+use monadnock::Result;
+use monadnock::dem::io::{Description, ReadOptions, Sidecar, read_bytes, read_with_sidecars};
+use monadnock::dem::{Dem, Georeference, Normalization, RasterSpace};
 use monadnock::sketch::geojson::{self, Coordinates, MissingHeights};
 use std::path::Path;
 
@@ -10,7 +10,20 @@ use std::path::Path;
 pub fn read(name: &str, bytes: &[u8]) {
     let options =
         ReadOptions { elevation: Normalization::new(0.0, 1000.0).ok(), band: Some(1), ..Default::default() };
-    match read_bytes(Path::new(name), bytes, &options) {
+    check(name, read_bytes(Path::new(name), bytes, &options));
+}
+
+/// Reads a small array called `a.npy` with `files` beside it: they may not make it unreadable, except a mask or a unit.
+pub fn read_beside(files: &[Sidecar]) {
+    let mut array = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (4, 3), }";
+    array.extend(format!("{header:<117}\n").bytes());
+    array.extend((0..12u8).flat_map(|i| (100.0 + f32::from(i)).to_le_bytes()));
+    check("a.npy", read_with_sidecars(Path::new("a.npy"), &array, files, &ReadOptions::default()));
+}
+
+fn check(name: &str, read: Result<(Dem, Description)>) {
+    match read {
         Ok((dem, _)) => {
             assert!(dem.heights().as_slice().iter().all(|z| z.is_finite()));
             assert!(dem.void_count() < dem.heights().len());

@@ -130,7 +130,7 @@ impl DemReading {
 /// What the reader of a terrain file noticed: what was assumed, what stands beside the file, what is strange.
 pub(super) fn tell(dem: &Path, description: &Description, console: &Console) {
     for note in &description.notes {
-        console.line(format!("{}: {note}", dem.display()));
+        console.note(format!("{}: {note}", dem.display()));
     }
     for warning in &description.warnings {
         console.warning(format!("{}: {warning}", dem.display()));

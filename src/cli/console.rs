@@ -40,6 +40,13 @@ impl Console {
         }
     }
 
+    /// What was assumed or found out on the way, on standard error; nothing when quiet.
+    pub(super) fn note(&self, text: impl AsRef<str>) {
+        if !self.quiet {
+            self.bars.suspend(|| to_stderr(&format!("note: {}\n", text.as_ref())));
+        }
+    }
+
     /// What the user asked to be printed, as it is, on standard output; even when quiet.
     pub(super) fn result(&self, text: impl AsRef<str>) {
         let mut out = std::io::stdout().lock();

@@ -85,11 +85,36 @@ impl Tiff {
     }
 
     pub fn bytes(&self) -> Vec<u8> {
+        Self::file(&[self])
+    }
+
+    /// A file of several images.
+    pub fn file(images: &[&Self]) -> Vec<u8> {
+        let mut file = b"II\x2a\x00".to_vec();
+        let mut pointer = file.len();
+        file.extend([0; 4]);
+        for image in images {
+            let start = file.len() as u32 + image.data.len() as u32;
+            file[pointer..pointer + 4].copy_from_slice(&start.to_le_bytes());
+            let (bytes, next) = image.at(file.len() as u32);
+            pointer = file.len() + next;
+            file.extend(bytes);
+        }
+        file
+    }
+
+    /// Data, directory and values of an image that begins at `at`, and where in them the next directory is pointed to.
+    fn at(&self, at: u32) -> (Vec<u8>, usize) {
         let mut entries = self.entries.clone();
         entries.sort_by_key(|e| e.0);
-        let mut file = b"II\x2a\x00".to_vec();
+        for (tag, _, _, bytes) in &mut entries {
+            // Where the data are, unless the entry lies.
+            if *tag == 273 && *bytes == DATA_AT.to_le_bytes() {
+                *bytes = at.to_le_bytes().to_vec();
+            }
+        }
         let mut directory = (entries.len() as u16).to_le_bytes().to_vec();
-        let start = DATA_AT as usize + self.data.len();
+        let start = at as usize + self.data.len();
         let mut far: Vec<u8> = Vec::new();
         for (tag, kind, count, bytes) in &entries {
             directory.extend(tag.to_le_bytes());
@@ -104,12 +129,12 @@ impl Tiff {
                 far.extend(bytes);
             }
         }
-        file.extend((start as u32).to_le_bytes());
-        file.extend(&self.data);
-        file.extend(directory);
-        file.extend([0; 4]);
-        file.extend(far);
-        file
+        let next = self.data.len() + directory.len();
+        let mut bytes = self.data.clone();
+        bytes.extend(directory);
+        bytes.extend([0; 4]);
+        bytes.extend(far);
+        (bytes, next)
     }
 }
 

@@ -11,6 +11,7 @@ import warnings
 
 import imagecodecs
 import numpy as np
+import pyproj
 import rasterio
 import tifffile
 
@@ -27,6 +28,16 @@ for words in sorted(here.glob("*.json")):
         assert np.allclose(list(d.transform)[:6], wanted["transform"], rtol=1e-13), (path, d.transform)
         epsg = d.crs.to_epsg() if d.crs else None
         assert epsg == wanted["epsg"], (path, d.crs)
+        if wanted["definition"]:
+            # A system without a code: the same to whoever computes with it.
+            ours, gdals = (pyproj.CRS.from_wkt(wkt) for wkt in (wanted["definition"], d.crs.to_wkt()))
+            assert np.isclose(ours.axis_info[0].unit_conversion_factor, gdals.axis_info[0].unit_conversion_factor, rtol=1e-12), path
+            if ours.is_projected:
+                probes = [pyproj.Transformer.from_crs(s.geodetic_crs, s, always_xy=True).transform(-100, 41) for s in (ours, gdals)]
+                assert np.allclose(*probes, rtol=1e-12, atol=1e-3), (path, probes)
+            assert ours.ellipsoid is None or np.isclose(ours.ellipsoid.semi_major_metre, gdals.ellipsoid.semi_major_metre)
+        elif wanted["epsg"] is None and d.crs:
+            assert d.crs.linear_units_factor == ("metre", 1.0), (path, d.crs)
         assert d.tags().get("AREA_OR_POINT", "Area") == wanted["space"], path
     assert np.array_equal(tifffile.imread(path), truth, equal_nan=True), path
     print(path.name, wanted["epsg"], "ok")

@@ -173,6 +173,16 @@ impl Crs {
         self.epsg
     }
 
+    /// The same system on a datum of an EPSG code, 0 for an unknown one.
+    pub(in crate::dem) fn with_datum(self, datum: u32) -> Self {
+        Self { datum, ..self }
+    }
+
+    /// EPSG code of the datum.
+    pub(in crate::dem) fn datum_epsg(&self) -> Option<u32> {
+        (self.datum != 0).then_some(self.datum)
+    }
+
     /// EPSG code of the geographic system below it.
     pub(in crate::dem) fn base_epsg(&self) -> Option<u32> {
         (self.base != 0).then_some(self.base)

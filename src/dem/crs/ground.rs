@@ -17,6 +17,9 @@ const MERCATOR_RADIUS: f64 = 6_378_137.0;
 /// A map whose scale is so near 1 counts as true.
 const TRUE_WITHIN: f64 = 0.01;
 
+/// Scales, ground against map, that a place inside a projection can have: mercator has 1/12 at 85 degrees.
+const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.05..=20.0;
+
 /// Nobody surveys terrain with cells below this, metres: such numbers are degrees, or kilometres.
 const SMALLEST_CELL: f64 = 0.02;
 
@@ -198,6 +201,11 @@ fn measured(crs: &Crs, [a, b, _, d, e, _]: [f64; 6], (x, y): (f64, f64)) -> Resu
     let dot = |p: [f64; 3], q: [f64; 3]| p.iter().zip(q).map(|(p, q)| p * q).sum::<f64>();
     let (width, height) = (dot(across, across).sqrt(), dot(down, down).sqrt());
     let size = CellSize::new(width, height).map_err(|e| outside(&e))?;
+    let scales =
+        [width / (a.hypot(d)), height / (b.hypot(e))].map(|s| s / crs.metres_per_unit().unwrap_or(1.0));
+    if !scales.iter().all(|scale| PLAUSIBLE.contains(scale)) {
+        return Err(outside(&format_args!("a metre on the map would be {:.2e} m on the ground", scales[0])));
+    }
     Ok((size, (dot(across, down) / (width * height)).acos().to_degrees()))
 }
 

@@ -215,7 +215,8 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
     let Source { path, options, sidecars } = *source;
     let mut words = Words { rest: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes), line: 1 };
     let header = Header::parse(path, &mut words)?;
-    let (rows, cols) = check_size(path, header.side(path, "nrows")?, header.side(path, "ncols")?)?;
+    let (cols, rows) = (header.side(path, "ncols")?, header.side(path, "nrows")?);
+    let (rows, cols) = check_size(path, rows, cols)?;
     // Every number takes a digit and a separator.
     let room = words.rest.len().div_ceil(2);
     if rows * cols > room {
@@ -236,7 +237,9 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
     };
     let unit = sidecars.metres_per_height(path, &band, None, options, said)?;
     let rule = Rule::new(path, options, declared, unit)?
-        .scaled(band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0));
+        .scaled(band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0))
+        // Texts of 32-bit floats have more or fewer digits than their nodata.
+        .single_precision(true);
     let mut samples = Samples::new(rows, cols, rule);
     for i in 0..rows * cols {
         let word = words.next();

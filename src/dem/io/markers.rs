@@ -13,13 +13,18 @@ use std::path::Path;
 const EARTH: std::ops::RangeInclusive<f64> = -11_000.0..=9000.0;
 
 /// Stored numbers that are popular as markers, although they could be heights.
-const POPULAR: [f64; 8] = [-9999.0, -9998.0, -999.0, -99.0, -8888.0, 8888.0, 9999.0, 999.0];
+const POPULAR: [f64; 9] = [-9999.0, -9998.0, -10_000.0, -999.0, -99.0, -8888.0, 8888.0, 9999.0, 999.0];
 
 /// A value outside [`EARTH`] stands alone when the next one is this far, metres.
 const GAP_OUTSIDE: f64 = 100.0;
 
 /// A popular marker stands alone when the next value is this far, metres, and this share of the others' range.
 const GAP_POPULAR: (f64, f64) = (300.0, 0.1);
+
+/// Any number is no height when the next one is this far, metres, and so many times the others' range; unless it fills a
+/// larger share of the raster, as one side of a cliff does.
+const GAP_CERTAIN: (f64, f64) = (1000.0, 2.0);
+const SHARE_CERTAIN: f64 = 0.3;
 
 /// Any other number of several cells, and of a single one: metres, and share of the others' range.
 const GAP_SEVERAL: (f64, f64) = (50.0, 0.25);
@@ -37,7 +42,7 @@ struct End {
 }
 
 impl End {
-    /// `sign`: 1 for the low end, -1 for the high one (of the negated values).
+    /// Takes in another value; for the high end, negated.
     fn add(&mut self, z: f64) {
         if z < self.first {
             *self = Self { first: z, count: 1, next: self.first };
@@ -79,7 +84,10 @@ pub(super) fn check(
         }
         // How far the others lie apart.
         let range = (-high.next - low.next).max(0.0);
-        let lonely = |end: End, z: f64| Lonely::new(rule, z, end.count, end.next - end.first, range);
+        let lonely = |end: End, z: f64| {
+            let share = end.count as f64 / valid.len() as f64;
+            Lonely::new(rule, z, (end.count, share), end.next - end.first, range)
+        };
         let Some(found) = lonely(low, low.first).or_else(|| lonely(high, -high.first)) else { break };
         peeled.push(found.metres);
         let others =
@@ -108,13 +116,15 @@ struct Lonely {
 }
 
 impl Lonely {
-    fn new(rule: &Rule, metres: f64, count: usize, gap: f64, range: f64) -> Option<Self> {
+    fn new(rule: &Rule, metres: f64, (count, share): (usize, f64), gap: f64, range: f64) -> Option<Self> {
         let stored = rule.stored(metres);
         let beyond = |(least, share): (f64, f64)| gap >= least.max(share * range);
         let outside = !EARTH.contains(&metres) && gap >= GAP_OUTSIDE;
         let popular = POPULAR.contains(&stored) && beyond(GAP_POPULAR);
         let strange = beyond(if count > 1 { GAP_SEVERAL } else { GAP_SINGLE });
-        (outside || popular || strange).then_some(Self { metres, stored, count, certain: outside || popular })
+        let far = beyond(GAP_CERTAIN) && share < SHARE_CERTAIN;
+        let certain = outside || popular || far;
+        (certain || strange).then_some(Self { metres, stored, count, certain })
     }
 
     fn tell(&self, path: &Path, rule: &Rule, (low, high): (f64, f64), said: &mut Said) -> Result<()> {
@@ -163,9 +173,9 @@ mod tests {
 
     #[test]
     fn markers_are_refused_until_explained() {
-        for marker in
-            [-9999.0f32, 32767.0, -32767.0, 65535.0, 55537.0, 10_000.0, 9999.0, -999.0, -32768.0, 1e5]
-        {
+        for marker in [
+            -9999.0f32, 32767.0, -32767.0, 65535.0, 55537.0, 10_000.0, -10_000.0, 9999.0, -999.0, -500.0, 1e5,
+        ] {
             for declared in [None, Some(-1.0)] {
                 let message = told(&[marker; 3], Nodata::AsDeclared, declared).unwrap_err().to_string();
                 let wanted = ["3 cells", &marker.to_string(), "--nodata", "1503 to 2499"];
@@ -184,7 +194,7 @@ mod tests {
     fn a_collar_of_zeros_and_a_lone_spike_are_told() {
         assert!(told(&[0.0; 41], Nodata::AsDeclared, None).unwrap()[0].contains("41 cells of 0"));
         assert!(told(&[4000.0], Nodata::AsDeclared, None).unwrap()[0].contains("1 cell of 4000"));
-        let both = told(&[0.0, 0.0, 7000.0], Nodata::AsDeclared, None).unwrap();
+        let both = told(&[0.0, 0.0, 4000.0], Nodata::AsDeclared, None).unwrap();
         assert_eq!(both.len(), 2, "{both:?}");
     }
 
@@ -200,6 +210,8 @@ mod tests {
         assert!(plain((0..900u16).map(|i| (f32::from(i) - 300.0).max(0.0)).collect()).is_empty());
         assert!(plain((0..900u16).map(|i| -9999.0 + 3.0 * f32::from(i)).collect()).is_empty());
         assert!(plain(vec![5.0; 40]).is_empty());
+        // A cliff: two heights, and nothing between.
+        assert_eq!(plain([vec![0.0; 40], vec![3000.0; 40]].concat()).len(), 1);
         let mars = plain((0..900u16).map(|i| 25.0 * f32::from(i)).collect());
         assert!(mars.len() == 1 && mars[0].contains("0 to 22475"), "{mars:?}");
     }

@@ -97,7 +97,7 @@ impl Levels {
         let info = reader.info();
         let text = info.uncompressed_latin1_text.iter().find(|chunk| chunk.keyword == KEYWORD);
         let level = |raw: &[u8]| raw.iter().fold(0.0, |level, byte| level * 256.0 + f64::from(*byte));
-        let transparent_level = info.trns.as_deref().filter(|trns| trns.len() == 2).map(level);
+        let transparent_level = info.trns.as_deref().filter(|trns| matches!(trns.len(), 1 | 2)).map(level);
         let (grey, transparent) = if channels == 1 {
             (raw, None)
         } else {

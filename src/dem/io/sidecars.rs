@@ -7,7 +7,7 @@
 use super::ReadOptions;
 use super::place::Said;
 use crate::dem::RasterSpace;
-use crate::dem::crs::{Crs, Ellipsoid, vertical_unit};
+use crate::dem::crs::{Crs, Ellipsoid, unit_in_words, vertical_unit};
 use crate::error::{Error, Result};
 use crate::file;
 use roxmltree::{Document, Node};
@@ -190,7 +190,8 @@ impl Sidecars {
         let stated = beside.or(own).or_else(|| projection?.vertical_metres_per_unit());
         let metres = stated.unwrap_or(1.0);
         if metres != 1.0 {
-            said.notes.push(format!("heights converted to metres: 1 unit is {} m", metres));
+            said.notes
+                .push(format!("heights converted to metres: they are in units of {}", unit_in_words(metres)));
         }
         Ok(metres)
     }

@@ -280,6 +280,9 @@ impl Keys {
         self.short(key::GEODETIC_CRS, code.unwrap_or(key::USER_DEFINED));
         self.short(key::ANGULAR_UNITS, key::DEGREE);
         if code.is_none() {
+            if let Some(datum) = crs.datum_epsg().and_then(|code| u16::try_from(code).ok()) {
+                self.short(key::GEODETIC_DATUM, datum);
+            }
             let Ellipsoid { semi_major, flattening } = crs.ellipsoid();
             self.double(key::SEMI_MAJOR_AXIS, semi_major);
             self.double(key::INVERSE_FLATTENING, if flattening == 0.0 { 0.0 } else { 1.0 / flattening });

@@ -203,7 +203,7 @@ impl Keys {
         let known = epsg.and_then(Crs::from_epsg).filter(|crs| crs.kind() == CrsKind::Geographic);
         match known {
             Some(_) => Ok(None),
-            None => Ok(Some(Crs::geographic(self.ellipsoid(path)?))),
+            None => Ok(Some(self.own_geographic(path)?)),
         }
     }
 
@@ -263,8 +263,14 @@ impl Keys {
         let known = self.epsg(key::GEODETIC_CRS).and_then(Crs::from_epsg);
         match known.filter(|crs| crs.kind() == CrsKind::Geographic) {
             Some(crs) => Ok(crs),
-            None => Ok(Crs::geographic(self.ellipsoid(path)?)),
+            None => Ok(self.own_geographic(path)?),
         }
+    }
+
+    /// The geographic system that the file describes without a code.
+    fn own_geographic(&self, path: &Path) -> Result<Crs> {
+        let datum = self.epsg(key::GEODETIC_DATUM).unwrap_or(0);
+        Ok(Crs::geographic(self.ellipsoid(path)?).with_datum(datum))
     }
 
     fn degrees_per_unit(&self, path: &Path) -> Result<f64> {

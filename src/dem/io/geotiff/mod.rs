@@ -90,6 +90,7 @@ mod key {
     pub(super) const RASTER_TYPE: u16 = 1025;
     pub(super) const CITATION: u16 = 1026;
     pub(super) const GEODETIC_CRS: u16 = 2048;
+    pub(super) const GEODETIC_DATUM: u16 = 2050;
     pub(super) const ANGULAR_UNITS: u16 = 2054;
     pub(super) const SEMI_MAJOR_AXIS: u16 = 2057;
     pub(super) const SEMI_MINOR_AXIS: u16 = 2058;
