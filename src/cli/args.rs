@@ -42,7 +42,7 @@ impl DemInput {
         }
         let Some(square) = dem.on_square_cells().map_err(|e| e.in_file(&self.dem))? else { return Ok(dem) };
         let (rows, cols) = square.shape();
-        console.line(format!(
+        console.note(format!(
             "{name}: {sides}: resampled to {rows}x{cols} square cells of {:.2} m, in which windows, patches and sketches \
              are counted (--keep-cells leaves them)",
             square.cell_size().mean()

@@ -131,7 +131,7 @@ impl Ground {
         } else if drawn != here {
             let text =
                 format!("drawn on {}x{} cells, stretched over {}x{}", drawn.0, drawn.1, here.0, here.1);
-            context.console.line(format!("{}: {text}", path.display()));
+            context.console.note(format!("{}: {text}", path.display()));
             Ok(sketch.scaled_to(here.0, here.1))
         } else {
             Ok(sketch)

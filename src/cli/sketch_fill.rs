@@ -109,7 +109,7 @@ impl StyleHeights<'_> {
         let model = self.style.height_model(self.range).map_err(|e| e.in_file(self.path))?;
         let filled = model.fill(&sketch, &reading.given).map_err(|e| e.in_file(path))?;
         let name = path.display();
-        console.line(format!(
+        console.note(format!(
             "{name}: strokes without heights: {}, with some of them: {}; they get those that ridges and valleys of the style \
              have (`sketch fill` shows them)",
             filled.without, filled.partly
@@ -118,7 +118,7 @@ impl StyleHeights<'_> {
             strokes.iter().map(|i| reading.names[*i].as_str()).collect::<Vec<_>>().join(", ")
         };
         if !filled.assumed_outlets.is_empty() {
-            console.line(format!(
+            console.note(format!(
                 "{name}: no given height tells where these valleys drain: taken to leave at the end nearest to the map's frame, \
                  or, as near, where they were drawn to ({})",
                 listed(&filled.assumed_outlets)

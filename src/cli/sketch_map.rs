@@ -127,7 +127,7 @@ impl MapOptions {
         let (mut reading, drawn) = read_on_map(path, map, like.size, options)?;
         if let Some((rows, cols)) = drawn {
             let (to_rows, to_cols) = like.size;
-            console.line(format!(
+            console.note(format!(
                 "{}: drawn on {rows}x{cols} cells, stretched over the {to_rows}x{to_cols} of {}",
                 path.display(),
                 dem.display()
@@ -144,7 +144,7 @@ impl MapOptions {
                 cell_size = CellSize::new(cell_size.x() * right, cell_size.y() * down)?;
             }
         }
-        console.line(format!(
+        console.note(format!(
             "{}: on the map of {}: {}x{} cells of {:.2} m",
             path.display(),
             dem.display(),
@@ -189,7 +189,7 @@ impl MapOptions {
             Some(given) => given,
             None => cell_on_ground(path, &georeference, size, console)?,
         };
-        console.line(format!(
+        console.note(format!(
             "{}: on a map from ({}, {}) to ({}, {}): {}x{} cells of {:.2} m",
             path.display(),
             b.west,
@@ -215,14 +215,14 @@ impl MapOptions {
         if let Some((rows, cols)) = scaled_from {
             let (to_rows, to_cols) = (reading.sketch.rows, reading.sketch.cols);
             let text = format!("drawn on {rows}x{cols} cells, scaled to {to_rows}x{to_cols}");
-            console.line(format!("{}: {text}", path.display()));
+            console.note(format!("{}: {text}", path.display()));
         }
         let Some(georeference) = reading.georeference else {
             let cell_size = self.cell_size.unwrap_or(style);
             if self.cell_size.is_none() {
                 let (x, y) = (style.x(), style.y());
                 let side = if x == y { format!("{x:.2} m") } else { format!("{x:.2} m by {y:.2} m") };
-                console.line(format!(
+                console.note(format!(
                     "{}: has no place: cells of {side}, as the style's (--cell-size)",
                     path.display()
                 ));
@@ -237,7 +237,7 @@ impl MapOptions {
         // As terrain is: on square cells, unless the caller wants these.
         if let (None, Some(square)) = (self.size, cell_size.square_shape(size(&reading))) {
             let from = size(&reading);
-            console.line(format!(
+            console.note(format!(
                 "{}: cells are {:.2} m west-east and {:.2} m north-south: scaled from {}x{} to {}x{} square ones",
                 path.display(),
                 cell_size.x(),
@@ -265,7 +265,7 @@ fn cell_on_ground(
     let ground = place.ground(shape).map_err(|e| e.in_file(path))?;
     for note in &ground.notes {
         let text = format!("{}: {note}", path.display());
-        if ground.assumed { console.warning(text) } else { console.line(text) }
+        if ground.assumed { console.warning(text) } else { console.note(text) }
     }
     Ok(ground.cell_size)
 }

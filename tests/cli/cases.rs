@@ -110,7 +110,7 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
         let Some(path) = shared(name) else { continue };
         let (answer, info) = generate(&path, &[]);
         cell_is(&info, cell);
-        says(&answer.out, &[&format!("cells of {cell} m")]);
+        says(&answer.all(), &[&format!("cells of {cell} m")]);
     }
     for (transform, epsg, cell) in [
         // US survey feet; metres; web mercator at 60 N under an older code; degrees, whose cells are made square.
@@ -121,15 +121,15 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
     ] {
         let (_folder, path) = written(&placed(48, 64, transform, epsg));
         let (answer, info) = generate(&path, &[]);
-        says(&answer.out, &[&format!("cells of {cell:.2} m")]);
+        says(&answer.all(), &[&format!("cells of {cell:.2} m")]);
         assert_eq!(info["georeference"]["epsg"], epsg, "{}", answer.out);
         if epsg == 4326 {
-            says(&answer.out, &["west-east", "scaled from 48x64 to", "square"]);
+            says(&answer.all(), &["west-east", "scaled from 48x64 to", "square"]);
         }
         // What the caller says comes first.
         let (_, told) = generate(&path, &["--cell-size", "12", "--size", "48x64"]);
         assert_eq!((&told["rows"], &told["cols"]), (&48.into(), &64.into()));
-        says(&generate(&path, &["--cell-size", "12"]).0.out, &["cells of 12.00 m"]);
+        says(&generate(&path, &["--cell-size", "12"]).0.all(), &["cells of 12.00 m"]);
     }
     // Forms are learned in cells: a map of far smaller ones is told, with both numbers.
     let (_folder, path) = written(&placed(48, 64, [5.0, 0.0, 5e5, 0.0, -5.0, 4.1e6], 32612));
@@ -158,7 +158,7 @@ fn a_sketch_on_the_earth_needs_a_map() {
         cell_is(&info, 30.0);
         let cols = info["cols"].as_u64().unwrap();
         assert!((330..350).contains(&cols), "{cols}");
-        says(&answer.out, &["on a map from (7.", "46."]);
+        says(&answer.all(), &["on a map from (7.", "46."]);
         let (_, info) = generate(path, &["--bounds", "7.5,46.12,7.63,46.2", "--size", "100x130"]);
         assert_eq!((&info["rows"], &info["cols"]), (&100.into(), &130.into()));
     }
@@ -227,7 +227,7 @@ fn a_sketch_comes_back_from_a_gis_and_lies_on_its_terrain() {
 
     // Any sketch can be laid on any terrain, and takes its place and cells.
     let (answer, info) = generate(Path::new("lambda-ring"), &["--like", like]);
-    says(&answer.out, &["drawn on 128x128 cells, stretched over the 72x96", "window.tif"]);
+    says(&answer.all(), &["drawn on 128x128 cells, stretched over the 72x96", "window.tif"]);
     let expected = serde_json::to_value(window.georeference().unwrap()).unwrap();
     assert_eq!((&info["rows"], &info["cols"], &info["georeference"]), (&72.into(), &96.into(), &expected));
     let (_, fine) = generate(Path::new("lambda-ring"), &["--like", like, "--size", "144x192"]);

@@ -172,7 +172,7 @@ fn terrain_on_cells_that_are_not_square_is_resampled_and_said_so() {
     let at = folder.path();
     write_ground(&at.join("wide.asc"), 50.0, 25.0);
     write_ground(&at.join("square.asc"), 25.0, 25.0);
-    let said = done(at, &["extract", "wide.asc", "-o", "wide.geojson"]).out;
+    let said = done(at, &["extract", "wide.asc", "-o", "wide.geojson"]).all();
     assert!(said.contains("50.00 m west-east and 25.00 m north-south"), "{said}");
     assert!(said.contains("68x68 square cells of 35.29 m"), "{said}");
     let kept = done(at, &["extract", "wide.asc", "-o", "kept.geojson", "--keep-cells"]);
@@ -193,7 +193,7 @@ fn terrain_on_cells_that_are_not_square_is_resampled_and_said_so() {
     assert!(wide.len() > 20 && share > 0.9, "{share} of {}", wide.len());
 
     let train = ["train", "wide.asc", "-o", "s.safetensors", "--epochs", "2", "--set", "model.extractions=1"];
-    assert!(done(at, &train).out.contains("resampled"));
+    assert!(done(at, &train).all().contains("resampled"));
     let style: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
     assert_eq!((&style["exemplar"]["rows"], &style["exemplar"]["cols"]), (&68.into(), &68.into()));
     assert!(done(at, &["info", "wide.asc"]).out.contains("cells are not square"));

@@ -23,6 +23,13 @@ struct Answer {
     err: String,
 }
 
+impl Answer {
+    /// The report, and what was noted and warned of on the way.
+    fn all(&self) -> String {
+        format!("{}{}", self.out, self.err)
+    }
+}
+
 fn run(folder: &Path, args: &[&str]) -> Answer {
     let output = Command::cargo_bin("monadnock").unwrap().current_dir(folder).args(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();

@@ -189,7 +189,7 @@ fn a_map_size_scales_the_drawing() {
     assert_eq!(shape("own.tif"), (128, 128));
     let answer = generate("lambda-ring", &["--size", "96x160"], "bundled.tif");
     assert_eq!(shape("bundled.tif"), (96, 160));
-    assert!(answer.out.contains("scaled") && answer.out.contains("128x128"), "{}", answer.out);
+    assert!(answer.all().contains("scaled") && answer.all().contains("128x128"), "{}", answer.out);
 
     // A file that states its size is scaled, one that does not is drawn on a map of the size.
     let points = "[[10,10,0.2],[40,30,0.8]]";

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::learn::convolution::Plane;
+use crate::learn::convolution::tests::candles_conv2d;
 use crate::learn::gan::{NormOver, add_gradient_penalty};
 use candle_core::{DType, Device, Tensor, Var};
 
@@ -269,7 +270,7 @@ fn twin(case: &Case, values: &Tensor, inputs: &[Tensor], kept: &Tape) -> Tensor 
                     x.conv_transpose2d(&w, conv.padding.width(), 0, conv.stride, 1).unwrap()
                 } else {
                     let w = w.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
-                    x.conv2d(&w, 0, conv.stride, 1, 1).unwrap()
+                    candles_conv2d(&x, &w, conv.side, conv.stride)
                 };
                 let x = match conv.norm {
                     Some(norm) => normalised(&x, norm).broadcast_mul(&per_channel(gains)).unwrap(),

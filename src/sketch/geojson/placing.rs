@@ -105,13 +105,14 @@ fn check_system(target: &Georeference, named: Option<&NamedSystem>, notes: &mut 
                 system(expected)
             ),
         )),
-        (None, expected) => {
-            let system = expected.map_or_else(String::new, |code| format!(" ({})", system(code)));
+        (None, Some(expected)) => {
             notes.say(format!(
-                "The file names no coordinate system; its coordinates are taken as those of the map{system}."
+                "The file names no coordinate system; its coordinates are taken as those of the map ({}).",
+                system(expected)
             ));
             Ok(())
         }
+        (None, None) => Ok(()),
         (Some(found), None) => {
             notes.say(format!(
                 "The file names the coordinate system {found}, the map none: the sketch's coordinates are taken as the map's."
