@@ -15,6 +15,7 @@ pub mod sketch;
 pub mod extract;
 pub mod matching;
 pub mod interpolation;
+pub mod landscape;
 pub mod metrics;
 pub mod viz;
 pub mod learn;

@@ -105,7 +105,7 @@ impl FlowDirections {
         self.codes.as_slice()[index] == OUTSIDE
     }
 
-    fn receiver_index(&self, index: usize) -> Option<usize> {
+    pub(super) fn receiver_index(&self, index: usize) -> Option<usize> {
         let code = self.codes.as_slice()[index];
         (code < OUTLET).then(|| index.wrapping_add_signed(self.steps[code as usize]))
     }

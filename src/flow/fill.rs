@@ -30,7 +30,7 @@ impl FilledDem {
 /// Raises every pit to the height at which it spills.
 #[must_use]
 pub fn fill(surface: &Surface) -> FilledDem {
-    let mut flood = Flood::new(surface);
+    let mut flood = Flood::new(surface, |_| false);
     let Flood { steps, nodes, cells, state, queue, .. } = &mut flood;
     let mut pit = VecDeque::new();
     let mut level = 0;

@@ -35,8 +35,8 @@ pub(super) struct Flood {
 }
 
 impl Flood {
-    /// Ranks the cells and queues all outlets.
-    pub(super) fn new(surface: &Surface) -> Self {
+    /// Ranks the cells and queues all outlets, with those that `is_base` (by position row by row) adds to them.
+    pub(super) fn new(surface: &Surface, is_base: impl Fn(usize) -> bool) -> Self {
         let (rows, cols) = surface.shape();
         let stride = cols + 2;
         let steps = d8::OFFSETS.map(|(dr, dc)| dr * stride as isize + dc);
@@ -53,10 +53,11 @@ impl Flood {
             cells.push(position as u32);
         }
 
-        let mut queue = RankQueue::new(cells.len());
+        let mut queue = RankQueue::new(2 * cells.len());
         for (rank, &position) in cells.iter().enumerate() {
             let here = position as usize;
-            if steps.iter().any(|&step| state[here.wrapping_add_signed(step)] == OUTSIDE) {
+            let inner = (here / stride - 1) * cols + here % stride - 1;
+            if is_base(inner) || steps.iter().any(|&step| state[here.wrapping_add_signed(step)] == OUTSIDE) {
                 state[here] = OUTLET;
                 queue.insert(rank as u32);
             }

@@ -2,7 +2,8 @@
 //!
 //! Each arrow is one function and each product one type, so that a wrong order does not compile. There are two ways to
 //! the directions: [`route`] (least-cost routing, raises nothing; our default) and [`fill`] then [`d8`] (depressions
-//! filled to their spill level, then steepest descent; the textbook way).
+//! filled to their spill level, then steepest descent; the textbook way). [`drain`] routes to chosen bases instead of the
+//! frame alone and keeps the flood's order ([`Drainage`]).
 //!
 //! Common conventions. Cells are squares of side 1. A cell of the frame, or next to a void, is an *outlet*: water that
 //! reaches it leaves the map. Voids take no part. Equal heights are ordered inside wide flats by their distance to the
@@ -25,6 +26,6 @@ pub use accumulation::{Accumulation, accumulate, accumulate_from};
 pub use directions::{Flow, FlowDirections};
 pub use fill::{FilledDem, d8, fill};
 pub use main_stem::main_stems;
-pub use routing::route;
+pub use routing::{Drainage, Role, drain, route};
 pub use strahler::{StrahlerOrder, strahler};
 pub use surface::Surface;
