@@ -3,7 +3,7 @@
 use super::config::SynthesisConfig;
 use super::patch::Channel;
 use super::source::Centres;
-use super::strokes::{KINDS, LevelStrokes};
+use super::strokes::LevelStrokes;
 use super::symmetry::{self, Symmetries};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
@@ -11,14 +11,19 @@ use crate::extract::{MainLines, MainLinesConfig};
 use crate::grid::pyramid::{doubled, halved, halved_mask};
 use crate::grid::{Cell, Grid, Mask, gaussian};
 use crate::interpolation::harmonic;
+use crate::landscape::{self, LandscapeConfig, LandscapeFit};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, Sketch, Stroke};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest number of the exemplar's cells.
 const LARGEST: usize = 1 << 24;
 /// The coarsest size keeps so many cells of the shorter side beyond a patch of the quilting.
 const ROOM: usize = 5;
+/// A map has at least so many cells at its coarsest size.
+const FEWEST: usize = 4;
 /// Side of the tiles whose main lines are found apart, cells.
 const TILE: f64 = 256.0;
 /// Tilings of the self-sketches in turn are this much coarser or finer.
@@ -34,8 +39,9 @@ pub struct Exemplar {
     /// For each self-sketch and tile: the north-west cell, the size, and the main lines.
     tilings: Vec<Vec<(Cell, (usize, usize), MainLines)>>,
     symmetries: Symmetries,
-    /// (radius, centres) of the quilting at the coarsest size.
-    quilting: Centres,
+    landscape: LandscapeFit,
+    /// Drawings that have been asked for, by density.
+    drawn: Mutex<BTreeMap<[usize; 2], Arc<Drawn>>>,
 }
 
 /// The exemplar at one size.
@@ -47,8 +53,17 @@ pub(super) struct Level {
     /// Without forms below the level's `flow_sigma`.
     pub(super) smooth: Option<Channel>,
     pub(super) centres: Centres,
-    /// Mean variance of a patch.
-    pub(super) variance: f32,
+    /// Where heights are known.
+    pub(super) valid: Mask,
+    /// Strength of forms smaller than a patch: the unit of squared differences.
+    pub(super) strength: f32,
+}
+
+/// The drawings of the exemplar of one density.
+pub(super) struct Drawn {
+    pub(super) sketches: Vec<SelfSketch>,
+    /// How much higher the ground is than its ridges and valleys, at each size.
+    pub(super) above: Vec<[f32; 2]>,
 }
 
 /// What a drawing of the exemplar by its own main lines says at each size: the A of the analogy, whose A' is the exemplar.
@@ -95,12 +110,17 @@ impl Exemplar {
         let datum = known.map(|(z, _)| f64::from(*z)).sum::<f64>() / count;
         let heights = filled(dem, datum)?;
         let levels = levels(&heights, dem.valid(), &config)?;
-        let coarsest = &levels[levels.len() - 1];
-        let mask = valid_at(dem.valid(), levels.len() - 1);
-        let quilting = Centres::new(&mask, config.quilting.radius).ok_or_else(no_patch)?;
-        debug_assert_eq!(coarsest.heights.shape(), quilting.shape());
-        let symmetries = symmetry::measure(&levels[levels.len().min(2) - 1].heights);
-        let mut all = Self { config, cell: dem.cell_size().mean(), datum, levels, tilings: Vec::new(), symmetries, quilting };
+        let cell = dem.cell_size().mean();
+        let mut all = Self {
+            symmetries: symmetry::measure(&levels[levels.len().min(2) - 1].heights),
+            landscape: LandscapeFit::of(dem.heights(), dem.valid(), cell)?,
+            config,
+            cell,
+            datum,
+            levels,
+            tilings: Vec::new(),
+            drawn: Mutex::default(),
+        };
         all.tilings = (0..all.config.self_sketches)
             .into_par_iter()
             .map(|k| all.tiling(&heights, dem.valid(), k))
@@ -140,8 +160,30 @@ impl Exemplar {
         &self.levels
     }
 
-    pub(super) const fn quilting_centres(&self) -> &Centres {
-        &self.quilting
+    /// The landscape model's laws of the exemplar.
+    #[must_use]
+    pub const fn landscape(&self) -> &LandscapeFit {
+        &self.landscape
+    }
+
+    /// Centres of the quilting's patches at a size.
+    ///
+    /// # Errors
+    /// When voids leave none.
+    pub(super) fn quilting_centres(&self, level: usize) -> Result<Centres> {
+        Centres::new(&self.levels[level].valid, self.config.quilting.radius).ok_or_else(no_patch)
+    }
+
+    /// Strength of forms smaller than a patch of the quilting, in the mean over its centres.
+    pub(super) fn strength_of_patches(&self, level: usize, centres: &Centres) -> f32 {
+        let channel = Channel::new(&self.levels[level].heights, self.config.quilting.radius);
+        channel.strength(centres.list()).max(f32::MIN_POSITIVE)
+    }
+
+    /// How many sizes a map of this shape has room for.
+    pub(super) fn levels_for(&self, (rows, cols): (usize, usize)) -> usize {
+        let fits = |l: &usize| rows.min(cols) >> l >= FEWEST;
+        (0..self.levels.len()).take_while(fits).count().max(1)
     }
 
     /// Main lines of the tiles of the `k`-th self-sketch.
@@ -209,15 +251,24 @@ impl Exemplar {
         self.tilings.iter().map(draw).collect()
     }
 
-    /// The drawings of the exemplar with so many ridges and valleys on 256x256 cells, and how much higher the ground is than its
-    /// ridges and valleys at each size, in the mean. Empty where the exemplar has no main lines at all.
+    /// The drawings of the exemplar with so many ridges and valleys on 256x256 cells.
     ///
     /// # Errors
     /// Never for an exemplar that could be prepared.
-    pub(super) fn drawn(&self, density: [usize; 2]) -> Result<(Vec<SelfSketch>, Vec<[f32; 2]>)> {
+    pub(super) fn drawn(&self, density: [usize; 2]) -> Result<Arc<Drawn>> {
+        let known = || self.drawn.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(drawn) = known().get(&density) {
+            return Ok(drawn.clone());
+        }
+        let drawn = Arc::new(self.draw(density)?);
+        known().insert(density, drawn.clone());
+        Ok(drawn)
+    }
+
+    fn draw(&self, density: [usize; 2]) -> Result<Drawn> {
         let lines = self.self_lines(density);
         let sketches: Vec<SelfSketch> =
-            lines.into_par_iter().map(|lines| self.sketch(lines)).collect::<Result<_>>()?;
+            lines.into_par_iter().enumerate().map(|(k, lines)| self.sketch(lines, k)).collect::<Result<_>>()?;
         let above = |l: usize| {
             let level = &self.levels[l];
             let mut sums = [(0.0f64, 0u32); 2];
@@ -230,11 +281,18 @@ impl Exemplar {
             sums.map(|(sum, count)| (sum / f64::from(count.max(1))) as f32)
         };
         let above = (0..self.levels.len()).map(above).collect();
-        Ok((sketches, above))
+        Ok(Drawn { sketches, above })
     }
 
-    fn sketch(&self, lines: LineMap) -> Result<SelfSketch> {
+    fn sketch(&self, lines: LineMap, k: usize) -> Result<SelfSketch> {
         let shape = |l: usize| self.levels[l].heights.shape();
+        let landscape = if self.landscape.is_fluvial() && lines.line_count() > 0 {
+            let lines = lines.map_heights(|z| (f64::from(z) + self.datum) as f32);
+            let seed = Seed(0).derive_indexed("landscape of self-sketch", k);
+            Some(landscape::solve(&self.landscape, &lines, self.cell, &LandscapeConfig::guide(), seed)?)
+        } else {
+            None
+        };
         let membranes = membranes(&lines, self.levels.len(), &shape)?;
         let levels = (0..self.levels.len()).map(|l| {
             let config = &self.config.levels[l];
@@ -243,16 +301,23 @@ impl Exemplar {
                 (map, channel)
             };
             if config.guide == 0.0 {
-                return SketchLevel { membrane: None, landscape: None, strokes: None };
+                return Ok(SketchLevel { membrane: None, landscape: None, strokes: None });
             }
             let strokes = LevelStrokes::new(&lines, 1 << l, shape(l)).nearness(&self.config.guide);
-            SketchLevel {
+            Ok(SketchLevel {
                 membrane: (config.flow == 0.0).then(|| with(membranes[l].clone())),
-                landscape: None,
+                landscape: match &landscape {
+                    Some(found) => {
+                        let (rows, cols) = shape(l);
+                        let heights = found.heights(1 << l)?.crop(Cell::new(0, 0), rows, cols)?;
+                        Some(with(heights.map(|z| (f64::from(*z) - self.datum) as f32)))
+                    }
+                    None => None,
+                },
                 strokes: Some(strokes.map(with)),
-            }
+            })
         });
-        Ok(SelfSketch { levels: levels.collect(), lines })
+        Ok(SelfSketch { levels: levels.collect::<Result<_>>()?, lines })
     }
 }
 
@@ -296,10 +361,6 @@ fn filled(dem: &Dem, datum: f64) -> Result<Grid<f32>> {
     Ok(harmonic(dem.valid(), &values)?.map(|z| *z as f32))
 }
 
-fn valid_at(valid: &Mask, level: usize) -> Mask {
-    (0..level).fold(valid.clone(), |mask, _| halved_mask(&mask))
-}
-
 fn levels(heights: &Grid<f32>, valid: &Mask, config: &SynthesisConfig) -> Result<Vec<Level>> {
     let mut maps = vec![(heights.clone(), valid.clone())];
     for _ in 1..config.levels.len() {
@@ -326,8 +387,8 @@ fn levels(heights: &Grid<f32>, valid: &Mask, config: &SynthesisConfig) -> Result
                 Channel::new(&gaussian::smooth(&heights, &everywhere, config.flow_sigma), config.radius)
             });
             let sharp = Channel::new(&heights, config.radius);
-            let variance = sharp.mean_variance(centres.list());
-            Ok(Level { sharp, blurred, smooth, centres, variance, heights })
+            let strength = sharp.strength(centres.list()).max(f32::MIN_POSITIVE);
+            Ok(Level { sharp, blurred, smooth, centres, strength, heights, valid })
         })
         .collect()
 }

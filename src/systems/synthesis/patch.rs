@@ -52,6 +52,15 @@ impl Channel {
         Self { values, cols, radius, moments }
     }
 
+    /// Mean squared difference of a cell from its patch's mean, over the patches around `centres`: the strength of small forms.
+    pub(super) fn strength(&self, centres: &[(u16, u16)]) -> f32 {
+        let squares = centres.iter().map(|&(row, col)| {
+            let (row, col) = (i32::from(row), i32::from(col));
+            f64::from(self.at(row, col) - self.moments(row, col)[0]).powi(2)
+        });
+        (squares.sum::<f64>() / centres.len().max(1) as f64) as f32
+    }
+
     #[inline(always)]
     pub(super) fn at(&self, row: i32, col: i32) -> f32 {
         self.values[row as usize * self.cols + col as usize]
