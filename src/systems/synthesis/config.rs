@@ -86,12 +86,17 @@ pub struct SynthesisConfig {
     pub usage: f32,
     /// Votes fall to 1/e at this distance between patches.
     pub vote_scale: f32,
+    /// Least and most that the heights of a patch are stretched to fit: from .1 to 1, and from 1 to 10.
+    pub stretch: [f32; 2],
     /// Drawings of the exemplar by its own main lines, 1 to 8.
     pub self_sketches: usize,
     /// Length of strokes, in cells on a map of 256x256, that makes one line a self-sketch.
     pub line_length: f64,
     /// Most lines of a kind on 256x256 cells of a self-sketch.
     pub most_lines: usize,
+    /// Whether strokes say at coarse sizes what the exemplar's ground is around its own (a line fitted for each kind), or are only
+    /// raised or lowered by what it is above them in the mean.
+    pub fitted_strokes: bool,
     /// Strokes are displaced by a smooth random field of this root mean square inside the synthesis, cells.
     pub warp: f64,
     /// Forms larger than this are the landscape model's where the surface is screened, cells.
@@ -148,9 +153,11 @@ impl Default for SynthesisConfig {
             floor: 0.3,
             usage: 0.1,
             vote_scale: 0.3,
+            stretch: [1.0, 1.25],
             self_sketches: 2,
             line_length: 140.0,
             most_lines: 12,
+            fitted_strokes: false,
             warp: 0.7,
             cut: 48.0,
             most_gain: 1.3,
@@ -208,6 +215,8 @@ impl SynthesisConfig {
         number("quilting.tolerance", self.quilting.tolerance.into(), 0.0, 10.0)?;
         number("floor", self.floor.into(), 1e-6, 100.0)?;
         number("vote_scale", self.vote_scale.into(), 1e-3, 100.0)?;
+        number("stretch[0]", self.stretch[0].into(), 0.1, 1.0)?;
+        number("stretch[1]", self.stretch[1].into(), 1.0, 10.0)?;
         count("self_sketches", self.self_sketches, 1, 8)?;
         number("line_length", self.line_length, 1.0, 1e6)?;
         count("most_lines", self.most_lines, 1, 1000)?;

@@ -5,10 +5,11 @@ use super::patch::Channel;
 use super::source::Centres;
 use super::strokes::LevelStrokes;
 use super::symmetry::{self, Symmetries};
-use crate::dem::Dem;
+use crate::dem::{CellSize, Dem, SQUARE_WITHIN};
 use crate::error::{Error, Result};
 use crate::extract::{MainLines, MainLinesConfig};
 use crate::grid::pyramid::{doubled, halved, halved_mask};
+use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid, Mask, gaussian};
 use crate::interpolation::harmonic;
 use crate::landscape::{self, LandscapeConfig, LandscapeFit};
@@ -20,6 +21,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest number of the exemplar's cells.
 const LARGEST: usize = 1 << 24;
+/// A DEM is brought to cells at most so many times larger or smaller.
+const MOST_RESIZED: f64 = 8.0;
 /// The coarsest size keeps so many cells of the shorter side beyond a patch of the quilting.
 const ROOM: usize = 5;
 /// A map has at least so many cells at its coarsest size.
@@ -33,6 +36,8 @@ const TILING: f64 = 0.25;
 pub struct Exemplar {
     config: SynthesisConfig,
     cell: f64,
+    /// (rows, columns) of the DEM that was given.
+    own_shape: (usize, usize),
     /// Subtracted from all heights inside.
     datum: f64,
     levels: Vec<Level>,
@@ -62,8 +67,27 @@ pub(super) struct Level {
 /// The drawings of the exemplar of one density.
 pub(super) struct Drawn {
     pub(super) sketches: Vec<SelfSketch>,
-    /// How much higher the ground is than its ridges and valleys, at each size.
-    pub(super) above: Vec<[f32; 2]>,
+    /// The ground at each size from the height of the ridge or valley there.
+    pub(super) ground: Vec<[Line; 2]>,
+}
+
+/// y = offset + slope x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Line {
+    pub(super) offset: f32,
+    pub(super) slope: f32,
+}
+
+impl Line {
+    /// The line nearest to the pairs (x, y), with the slope 1 unless it is `fitted`.
+    fn through(pairs: &[(f64, f64)], fitted: bool) -> Self {
+        let n = pairs.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
+        let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
+        let (square, product) = (mean(&|p| (p.0 - x).powi(2)), mean(&|p| (p.0 - x) * (p.1 - y)));
+        let slope = if fitted && square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 1.0 };
+        Self { offset: (y - slope * x) as f32, slope: slope as f32 }
+    }
 }
 
 /// What a drawing of the exemplar by its own main lines says at each size: the A of the analogy, whose A' is the exemplar.
@@ -109,13 +133,21 @@ impl Exemplar {
         let count = known.clone().count() as f64;
         let datum = known.map(|(z, _)| f64::from(*z)).sum::<f64>() / count;
         let heights = filled(dem, datum)?;
-        let levels = levels(&heights, dem.valid(), &config)?;
+        let mut levels = levels(&heights, dem.valid(), &config)?;
+        // Voids may leave no room for the quilting's patches where they are large.
+        let has_room =
+            |level: &Level| Centres::new(&level.valid, config.quilting.radius).is_some_and(|c| c.list().len() >= ROOM * ROOM);
+        while levels.len() > 1 && !levels.last().is_some_and(has_room) {
+            levels.pop();
+        }
+        config.levels.truncate(levels.len());
         let cell = dem.cell_size().mean();
         let mut all = Self {
             symmetries: symmetry::measure(&levels[levels.len().min(2) - 1].heights),
             landscape: LandscapeFit::of(dem.heights(), dem.valid(), cell)?,
             config,
             cell,
+            own_shape: (rows, cols),
             datum,
             levels,
             tilings: Vec::new(),
@@ -126,6 +158,36 @@ impl Exemplar {
             .map(|k| all.tiling(&heights, dem.valid(), k))
             .collect::<Result<_>>()?;
         Ok(all)
+    }
+
+    /// Prepares a DEM for maps whose cells have another size, metres: it is resampled first, and what a finer map shows
+    /// between the DEM's cells is smooth. Origins are still given in the DEM's own cells.
+    ///
+    /// # Errors
+    /// When the cells are more than 8 times larger or smaller than the DEM's, or as [`new`](Self::new) for the resampled DEM.
+    pub fn with_cell_size(dem: &Dem, cell: f64, config: &SynthesisConfig) -> Result<Self> {
+        let own = dem.cell_size().mean();
+        let ratio = own / cell;
+        if !(MOST_RESIZED.recip()..=MOST_RESIZED).contains(&ratio) {
+            let allowed = format!("allowed: an eighth to 8 times the exemplar's {own} m");
+            return Err(Error::value("cell size of the map", cell, allowed));
+        }
+        if (ratio - 1.0).abs() <= SQUARE_WITHIN {
+            return Self::new(dem, config);
+        }
+        let side = |n: usize| ((n as f64 * ratio).round() as usize).max(1);
+        let (rows, cols) = (side(dem.shape().0), side(dem.shape().1));
+        let heights = resample(&filled(dem, 0.0)?, rows, cols);
+        // A cell is known when all that it is made from is.
+        let known = resample(&dem.valid().map(|ok| f32::from(u8::from(*ok))), rows, cols).map(|share| *share > 0.999);
+        let resized = Dem::with_voids(heights, known, CellSize::square(cell)?)?;
+        Ok(Self { own_shape: dem.shape(), ..Self::new(&resized, config)? })
+    }
+
+    /// The cell of the DEM that was given at a place of the prepared one.
+    pub(super) fn own_cell(&self, cell: Cell) -> Cell {
+        let (rows, cols) = self.shape();
+        Cell::new((2 * cell.row + 1) * self.own_shape.0 / (2 * rows), (2 * cell.col + 1) * self.own_shape.1 / (2 * cols))
     }
 
     /// What it was prepared with; fewer sizes than asked where the exemplar is small.
@@ -269,19 +331,18 @@ impl Exemplar {
         let lines = self.self_lines(density);
         let sketches: Vec<SelfSketch> =
             lines.into_par_iter().enumerate().map(|(k, lines)| self.sketch(lines, k)).collect::<Result<_>>()?;
-        let above = |l: usize| {
+        let ground = |l: usize| {
             let level = &self.levels[l];
-            let mut sums = [(0.0f64, 0u32); 2];
+            let mut pairs = [Vec::new(), Vec::new()];
             for sketch in &sketches {
                 for (cell, z, kind) in LevelStrokes::new(&sketch.lines, 1 << l, level.heights.shape()).cells {
-                    sums[kind].0 += f64::from(level.heights[cell] - z);
-                    sums[kind].1 += 1;
+                    pairs[kind].push((f64::from(z), f64::from(level.heights[cell])));
                 }
             }
-            sums.map(|(sum, count)| (sum / f64::from(count.max(1))) as f32)
+            pairs.map(|pairs| Line::through(&pairs, self.config.fitted_strokes))
         };
-        let above = (0..self.levels.len()).map(above).collect();
-        Ok(Drawn { sketches, above })
+        let ground = (0..self.levels.len()).map(ground).collect();
+        Ok(Drawn { sketches, ground })
     }
 
     fn sketch(&self, lines: LineMap, k: usize) -> Result<SelfSketch> {
@@ -338,7 +399,7 @@ pub(super) fn membranes(
     let mut all = vec![at];
     for l in (0..solved).rev() {
         let (rows, cols) = shape(l);
-        let finer = crate::grid::resample::resample(&all[0], rows, cols);
+        let finer = resample(&all[0], rows, cols);
         all.insert(0, finer);
     }
     while all.len() < count {
@@ -368,11 +429,12 @@ fn levels(heights: &Grid<f32>, valid: &Mask, config: &SynthesisConfig) -> Result
         maps.push((halved(z), halved_mask(ok)));
     }
     let last = maps.len() - 1;
-    maps.into_par_iter()
+    let all: Vec<Option<Level>> = maps
+        .into_par_iter()
         .zip(&config.levels)
         .enumerate()
         .map(|(l, ((heights, valid), config))| {
-            let centres = Centres::new(&valid, config.radius).ok_or_else(no_patch)?;
+            let Some(centres) = Centres::new(&valid, config.radius) else { return Ok(None) };
             let everywhere = valid.map(|_| true);
             let blurred = (l < last).then(|| {
                 let back = doubled(&halved(&heights));
@@ -388,7 +450,10 @@ fn levels(heights: &Grid<f32>, valid: &Mask, config: &SynthesisConfig) -> Result
             });
             let sharp = Channel::new(&heights, config.radius);
             let strength = sharp.strength(centres.list()).max(f32::MIN_POSITIVE);
-            Ok(Level { sharp, blurred, smooth, centres, strength, heights, valid })
+            Ok(Some(Level { sharp, blurred, smooth, centres, strength, heights, valid }))
         })
-        .collect()
+        .collect::<Result<_>>()?;
+    // A size without any whole patch ends the pyramid.
+    let levels: Vec<Level> = all.into_iter().map_while(|level| level).collect();
+    if levels.is_empty() { Err(no_patch()) } else { Ok(levels) }
 }

@@ -65,7 +65,9 @@ impl Exemplar {
         let drained = landscape::breach(&pinned, lines, &BreachConfig { pit_share, ..Default::default() })?;
         Ok(Synthesized {
             heights: drained.heights,
-            provenance: Provenance::new(&made.field.sources.crop(Cell::new(0, 0), rows, cols)?, lines),
+            provenance: Provenance::new(&made.field.sources.crop(Cell::new(0, 0), rows, cols)?, lines, |cell| {
+                self.own_cell(cell)
+            }),
             has_landscape: made.landscape.is_some(),
             pits: (drained.pits_before, drained.pits_after),
         })
@@ -129,10 +131,7 @@ impl<'a> Synthesis<'a> {
             lines: moved,
             landscape,
             heights: Grid::filled(rows, cols, 0.0),
-            field: Field {
-                sources: Grid::filled(rows, cols, Source::default()),
-                distances: Grid::filled(rows, cols, 0.0),
-            },
+            field: Field::new(Grid::filled(rows, cols, Source::default())),
             seed,
         })
     }
@@ -157,7 +156,7 @@ impl<'a> Synthesis<'a> {
         let strokes = self.strokes(l);
         let mut surface = self.surface(l, &strokes)?;
         if l + 1 == self.levels {
-            self.field.sources = self.quilted(l, &strokes, seed)?;
+            self.field = Field::new(self.quilted(l, &strokes, seed)?);
             self.heights = self.guide(l).clone();
             let votes = votes(&self.field, &ground.heights, own.radius, QUILTED_SPREAD, config.vote_scale);
             self.heights = surface.through(&votes, &self.heights)?;
@@ -199,11 +198,14 @@ impl<'a> Synthesis<'a> {
         Ok(())
     }
 
-    /// The strokes at a size, as much above or below themselves as the exemplar's ground is there.
+    /// The strokes at a size, with the heights that the exemplar's ground has around such strokes.
     fn strokes(&self, l: usize) -> LevelStrokes {
         let mut strokes = LevelStrokes::new(&self.lines, 1 << l, self.at(l));
         if l > 0 {
-            strokes.cells.iter_mut().for_each(|(_, z, kind)| *z += self.drawn.above[l][*kind]);
+            for (_, z, kind) in &mut strokes.cells {
+                let ground = self.drawn.ground[l][*kind];
+                *z = ground.offset + ground.slope * *z;
+            }
         }
         strokes
     }
@@ -226,6 +228,7 @@ impl<'a> Synthesis<'a> {
             strokes: guide.strokes * own.guide,
             elevation: unit * guide.elevation * own.guide,
             floor: config.floor,
+            stretch: config.stretch,
         }
     }
 
@@ -269,6 +272,7 @@ impl<'a> Synthesis<'a> {
             strokes: config.guide.strokes,
             elevation: unit * config.guide.elevation,
             floor: config.floor,
+            stretch: config.stretch,
         };
         let sources = quilt(
             &Ground {
@@ -308,7 +312,7 @@ impl<'a> Synthesis<'a> {
             Source::new(row, col, source.turn, source.set)
         });
         self.heights = doubled(&self.heights);
-        self.field = Field { sources, distances: Grid::filled(rows, cols, 0.0) };
+        self.field = Field::new(sources);
     }
 
     /// The equation of a size.

@@ -148,6 +148,17 @@ pub(super) struct Weights {
     pub(super) strokes: f32,
     pub(super) elevation: f32,
     pub(super) floor: f32,
+    /// Least and most that a patch's heights are stretched.
+    pub(super) stretch: [f32; 2],
+}
+
+impl Weights {
+    /// The stretch that brings a patch of the energy `other` to `own`, within the limits.
+    #[inline(always)]
+    pub(super) fn stretch(&self, own: f32, other: f32) -> f32 {
+        let [least, most] = self.stretch;
+        (own / other.max(f32::MIN_POSITIVE)).sqrt().clamp(least, most)
+    }
 }
 
 /// The patch of the map around a cell, ready to be compared.
@@ -288,7 +299,7 @@ impl Patch {
         }
     }
 
-    /// (mean, variance, mean squared difference without the means) of a channel at a source.
+    /// (mean, variance, product with the map's without the means) of a channel at a source.
     #[inline(always)]
     fn compare(&self, side: &Side, channel: &Channel, source: Source) -> (f32, f32, f32) {
         let (row, col, turn) = (i32::from(source.row), i32::from(source.col), source.turn as usize);
@@ -297,13 +308,12 @@ impl Patch {
         } else {
             channel.masked_moments(&self.inside_turned[turn], self.count, row, col)
         };
-        let product = channel.product(&side.turned[turn], row, col) / self.count;
-        (mean, variance, (side.variance + variance - 2.0 * product).max(0.0))
+        (mean, variance, channel.product(&side.turned[turn], row, col) / self.count)
     }
 
-    /// Distance to the exemplar's patch at a source: squared differences without the means over the joint energy, so that
-    /// smooth patches are not favoured; the difference of mean heights; the nearness of strokes. Anything above `most` may be any
-    /// number above it.
+    /// Distance to the exemplar's patch at a source, whose heights may be stretched: squared differences without the means over
+    /// the joint energy, so that smooth patches are not favoured; the difference of mean heights; the nearness of strokes.
+    /// Anything above `most` may be any number above it. With the distance the stretch that makes it least.
     #[inline(always)]
     pub(super) fn distance(
         &mut self,
@@ -312,35 +322,42 @@ impl Patch {
         weights: &Weights,
         source: Source,
         most: f32,
-    ) -> f32 {
+    ) -> (f32, f32) {
         self.turn(maps, source.turn);
         let set = &given.sets[source.set as usize];
-        let (mean, variance, difference) = self.compare(&self.heights, given.heights, source);
-        let mut missed = weights.heights * difference;
-        let mut energy = weights.heights * (self.heights.variance + variance) + weights.floor;
+        let (mean, variance, product) = self.compare(&self.heights, given.heights, source);
+        let mut own = weights.heights * self.heights.variance;
+        let mut other = weights.heights * variance;
+        let mut common = weights.heights * product;
         if let (Some(channel), true) = (set.smooth, maps.smooth.is_some()) {
-            let (_, variance, difference) = self.compare(&self.smooth, channel, source);
-            missed += weights.smooth * difference;
-            energy += weights.smooth * (self.smooth.variance + variance);
+            let (_, variance, product) = self.compare(&self.smooth, channel, source);
+            own += weights.smooth * self.smooth.variance;
+            other += weights.smooth * variance;
+            common += weights.smooth * product;
         }
         if let (Some(channel), true) = (set.landscape, maps.landscape.is_some()) {
-            let (_, variance, difference) = self.compare(&self.landscape, channel, source);
-            missed += weights.landscape * difference;
-            energy += weights.landscape * (self.landscape.variance + variance);
+            let (_, variance, product) = self.compare(&self.landscape, channel, source);
+            own += weights.landscape * self.landscape.variance;
+            other += weights.landscape * variance;
+            common += weights.landscape * product;
         }
+        let stretch = weights.stretch(own, other);
+        let other = stretch * stretch * other;
+        let missed = (own + other - 2.0 * stretch * common).max(0.0);
         let above = self.heights.mean - mean;
-        let mut distance = missed / energy + weights.elevation * above * above;
+        let mut distance = missed / (own + other + weights.floor) + weights.elevation * above * above;
         if distance > most {
-            return distance;
+            return (distance, stretch);
         }
         if let (Some([ridges, valleys]), true) = (set.strokes, maps.strokes.is_some()) {
             for (side, channel) in [(&self.ridges, ridges), (&self.valleys, valleys)] {
-                let (mean, _, difference) = self.compare(side, channel, source);
+                let (mean, variance, product) = self.compare(side, channel, source);
                 let apart = side.mean - mean;
+                let difference = (side.variance + variance - 2.0 * product).max(0.0);
                 distance += weights.strokes * (difference + apart * apart);
             }
         }
-        distance
+        (distance, stretch)
     }
 }
 
@@ -383,22 +400,27 @@ mod tests {
             let variance = |v: &[f64], m: f64| v.iter().map(|v| (v - m).powi(2)).sum::<f64>() / n;
             let apart: f64 = a.iter().zip(&b).map(|(x, y)| ((x - ma) - (y - mb)).powi(2)).sum::<f64>() / n;
             let raw: f64 = a.iter().zip(&b).map(|(x, y)| (x - y).powi(2)).sum::<f64>() / n;
-            (variance(&a, ma) + variance(&b, mb), apart, ma - mb, raw)
+            let (own, other) = (variance(&a, ma), variance(&b, mb));
+            (own, other, 0.5 * (own + other - apart), ma - mb, raw)
         };
-        let (mut missed, mut energy) = (0.0, f64::from(w.floor));
+        let (mut own, mut other, mut common) = (0.0, 0.0, 0.0);
         let pairs = [
             (asked.heights, given[0], w.heights),
             (asked.smooth.unwrap(), given[1], w.smooth),
             (asked.landscape.unwrap(), given[2], w.landscape),
         ];
         for (a, b, weight) in pairs {
-            let (both, apart, ..) = moments(a, b);
-            missed += f64::from(weight) * apart;
-            energy += f64::from(weight) * both;
+            let (a, b, product, ..) = moments(a, b);
+            own += f64::from(weight) * a;
+            other += f64::from(weight) * b;
+            common += f64::from(weight) * product;
         }
-        let above = moments(asked.heights, given[0]).2;
+        let stretch = (own / other).sqrt().clamp(0.9, 1.2);
+        let missed = own + stretch * stretch * other - 2.0 * stretch * common;
+        let energy = own + stretch * stretch * other + f64::from(w.floor);
+        let above = moments(asked.heights, given[0]).3;
         let [ridges, valleys] = asked.strokes.unwrap();
-        let strokes = moments(ridges, given[3]).3 + moments(valleys, given[4]).3;
+        let strokes = moments(ridges, given[3]).4 + moments(valleys, given[4]).4;
         (missed / energy + f64::from(w.elevation) * above * above + f64::from(w.strokes) * strokes) as f32
     }
 
@@ -425,6 +447,7 @@ mod tests {
             strokes: 0.01,
             elevation: 0.001,
             floor: 0.4,
+            stretch: [0.9, 1.2],
         };
         let mut patch = Patch::new(2);
         for at in [Cell::new(9, 9), Cell::new(0, 1), Cell::new(19, 22), Cell::new(2, 2)] {
@@ -432,7 +455,7 @@ mod tests {
             for turn in 0..TURNS {
                 for (row, col) in [(2, 2), (17, 20), (10, 5)] {
                     let source = Source::new(row, col, turn, 0);
-                    let got = patch.distance(&asked, &given, &w, source, f32::INFINITY);
+                    let got = patch.distance(&asked, &given, &w, source, f32::INFINITY).0;
                     let five = [&maps[5], &maps[6], &maps[7], &maps[8], &maps[9]];
                     let want = written_out(&asked, five, &w, at, source);
                     assert!((got - want).abs() < 1e-3 * (1.0 + want), "{at:?} {source:?}: {got} {want}");

@@ -25,14 +25,15 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    pub(super) fn new(sources: &Grid<Source>, lines: &LineMap) -> Self {
+    /// `own`: the cell of the exemplar that was given for a cell of the one that was searched.
+    pub(super) fn new(sources: &Grid<Source>, lines: &LineMap, own: impl Fn(Cell) -> Cell) -> Self {
         let (rows, cols) = sources.shape();
         let origin = |c: Cell| {
             if lines.kinds()[c].is_some() {
                 return Origin::Stroke;
             }
             let source = sources[c];
-            Origin::Exemplar { cell: source.cell(), symmetry: source.turn }
+            Origin::Exemplar { cell: own(source.cell()), symmetry: source.turn }
         };
         Self { origins: Grid::from_fn(rows, cols, origin) }
     }

@@ -411,19 +411,23 @@ impl Placing<'_> {
             // Moments relative to the query's mean.
             let mean = sums[0][lane] / queries.known;
             let variance = (sums[1][lane] / queries.known - mean * mean).max(0.0);
-            let difference = (queries.variance + variance - 2.0 * sums[2][lane] / queries.known).max(0.0);
-            let share = queries.known / (queries.known + UNKNOWN);
-            let mut total = share * w.heights * difference
-                / (w.floor + w.heights * (queries.variance + variance))
-                + w.elevation * mean * mean;
-            for (k, weight) in [(0, w.smooth), (1, w.landscape)] {
-                let own = queries.guides[k][1];
+            let moments = |k: usize| {
                 let mean = guides[k][0][lane] / n;
-                let variance = (guides[k][1][lane] / n - mean * mean).max(0.0);
-                let difference = (own + variance - 2.0 * guides[k][2][lane] / n).max(0.0);
-                // Each guide over an energy of its own.
-                total += weight * difference / (w.floor / w.heights + own + variance);
-            }
+                ((guides[k][1][lane] / n - mean * mean).max(0.0), guides[k][2][lane] / n)
+            };
+            let ([membrane, landscape], floor) = ([moments(0), moments(1)], w.floor / w.heights);
+            let own = queries.variance + queries.guides[0][1] + queries.guides[1][1];
+            let stretch = w.stretch(own, variance + membrane.0 + landscape.0);
+            // Squared difference over the joint energy.
+            let part = |own: f32, (variance, product): (f32, f32)| {
+                let other = stretch * stretch * variance;
+                (own + other - 2.0 * stretch * product).max(0.0) / (floor + own + other)
+            };
+            let share = queries.known / (queries.known + UNKNOWN);
+            let total = share * part(queries.variance, (variance, sums[2][lane] / queries.known))
+                + w.elevation * mean * mean
+                + w.smooth * part(queries.guides[0][1], membrane)
+                + w.landscape * part(queries.guides[1][1], landscape);
             *cost = total + w.strokes * nearness[lane] / n + self.config.usage * even * use_sum[lane];
         }
     }

@@ -29,6 +29,15 @@ pub(super) struct Field {
     pub(super) sources: Grid<Source>,
     /// With the factor for use, without the Potts term.
     pub(super) distances: Grid<f32>,
+    /// How much higher the forms of the source are laid.
+    pub(super) stretches: Grid<f32>,
+}
+
+impl Field {
+    /// Sources that have not been compared yet.
+    pub(super) fn new(sources: Grid<Source>) -> Self {
+        Self { distances: sources.map(|_| 0.0), stretches: sources.map(|_| 1.0), sources }
+    }
 }
 
 /// What a search compares and where it may look.
@@ -53,13 +62,7 @@ impl Search<'_> {
     pub(super) fn run(&self, field: &mut Field, sweeps: usize, seed: Seed) {
         let arch = Arch::new();
         let (rows, cols) = field.sources.shape();
-        let sources = field.sources.as_slice();
-        field.distances.as_mut_slice().par_chunks_mut(cols).enumerate().for_each(|(row, out)| {
-            arch.dispatch(
-                #[inline(always)]
-                || self.measure_row(row, &sources[row * cols..(row + 1) * cols], out),
-            );
-        });
+        self.measure(field, arch);
         let (down, right) = (rows.div_ceil(TILE), cols.div_ceil(TILE));
         for sweep in 0..sweeps {
             let seed = seed.derive_indexed("sweep", sweep);
@@ -85,16 +88,31 @@ impl Search<'_> {
                 found.iter().for_each(|tile| tile.put(field));
             }
         }
+        self.measure(field, arch);
     }
 
-    #[inline(always)]
-    fn measure_row(&self, row: usize, sources: &[Source], out: &mut [f32]) {
-        let mut patch = Patch::new(self.radius);
-        for (col, (out, source)) in out.iter_mut().zip(sources).enumerate() {
-            patch.load(&self.maps, row, col);
-            let distance = patch.distance(&self.maps, &self.given, &self.weights, *source, f32::INFINITY);
-            *out = distance * self.factor(source.row.into(), source.col.into());
-        }
+    /// Distances and stretches of the field's sources.
+    fn measure(&self, field: &mut Field, arch: Arch) {
+        let cols = field.sources.cols();
+        let sources = field.sources.as_slice();
+        let distances = field.distances.as_mut_slice().par_chunks_mut(cols);
+        let stretches = field.stretches.as_mut_slice().par_chunks_mut(cols);
+        distances.zip(stretches).enumerate().for_each(|(row, (distances, stretches))| {
+            arch.dispatch(
+                #[inline(always)]
+                || {
+                    let mut patch = Patch::new(self.radius);
+                    let sources = &sources[row * cols..(row + 1) * cols];
+                    for (col, source) in sources.iter().enumerate() {
+                        patch.load(&self.maps, row, col);
+                        let (distance, stretch) =
+                            patch.distance(&self.maps, &self.given, &self.weights, *source, f32::INFINITY);
+                        distances[col] = distance * self.factor(source.row.into(), source.col.into());
+                        stretches[col] = stretch;
+                    }
+                },
+            );
+        });
     }
 
     /// What use makes of a distance.
@@ -129,7 +147,7 @@ impl Search<'_> {
                 let factor = self.factor(row_there, col_there);
                 let most = (cost - breaks) / factor;
                 let found =
-                    factor * patch.distance(&self.maps, &self.given, &self.weights, source, most);
+                    factor * patch.distance(&self.maps, &self.given, &self.weights, source, most).0;
                 if found + breaks < cost {
                     (cost, distance, *best) = (found + breaks, found, source);
                 }

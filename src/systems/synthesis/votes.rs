@@ -91,7 +91,7 @@ fn mean(
         let (over, beside) = step(source.turn, down, right);
         let at = here.0 * stride + here.1;
         let weight = weights.as_slice()[i] * ballot.weight;
-        sum += weight * (z[(at + over * stride + beside) as usize] - z[at as usize]);
+        sum += weight * field.stretches.as_slice()[i] * (z[(at + over * stride + beside) as usize] - z[at as usize]);
         total += weight;
     }
     if total > 0.0 { sum / total } else { 0.0 }
@@ -113,7 +113,8 @@ mod tests {
                 Source::new((20 + row) as usize, (20 + col) as usize, turn, 0)
             };
             let sources = Grid::from_fn(12, 12, place);
-            let field = Field { sources, distances: Grid::from_fn(12, 12, |c| 0.1 * c.row as f32) };
+            let distances = Grid::from_fn(12, 12, |c| 0.1 * c.row as f32);
+            let field = Field { distances, ..Field::new(sources) };
             let found = votes(&field, &heights, 2, 1.0, 0.3);
             let laid = Grid::from_fn(12, 12, |c| heights[place(c).cell()]);
             let want = Gradients::of(&laid);
@@ -131,7 +132,7 @@ mod tests {
         let sources =
             Grid::from_fn(5, 6, |c| if c.col < 3 { steep(c) } else { Source::new(10, 13 + c.col % 3, 0, 0) });
         let distances = Grid::from_fn(5, 6, |c| if c.col < 3 { 0.0 } else { 3.0 });
-        let found = votes(&Field { sources, distances }, &heights, 2, 1.5, 0.3);
+        let found = votes(&Field { distances, ..Field::new(sources) }, &heights, 2, 1.5, 0.3);
         assert!(found.east[Cell::new(2, 2)] > 4.9, "{}", found.east[Cell::new(2, 2)]);
     }
 }
