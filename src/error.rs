@@ -51,6 +51,9 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
+    /// The work was asked to end ([`Stop`](crate::control::Stop)); nothing was written.
+    #[error("stopped")]
+    Stopped,
     /// The tensor library failed (out of memory, or a bug of ours: shapes are checked before).
     #[error("tensor computation failed: {0}")]
     Tensor(#[from] candle_core::Error),
@@ -80,6 +83,15 @@ impl Error {
     /// Returns a closure for `map_err` that names the file and the action.
     pub fn io<'a>(path: &'a Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self + 'a {
         move |source| Self::Io { path: path.to_owned(), action, source }
+    }
+
+    /// The same [`Error::Value`] under another name, so that it says which entry of a list it is about.
+    #[must_use]
+    pub fn renamed(self, rename: impl FnOnce(&str) -> String) -> Self {
+        match self {
+            Self::Value { name, value, allowed } => Self::Value { name: rename(&name), value, allowed },
+            other => other,
+        }
     }
 
     /// Attaches a file to an [`Error::Value`], so that an error found after reading still names its file.

@@ -35,6 +35,14 @@ pub fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Reads a text file of at most `limit` bytes.
+///
+/// # Errors
+/// As [`read_whole`]; when it is not UTF-8.
+pub fn read_text(path: &Path, limit: u64) -> Result<String> {
+    String::from_utf8(read_whole(path, limit)?).map_err(|e| Error::file(path, "text", e, "allowed: UTF-8"))
+}
+
 /// Writes `bytes` to `path`, all or nothing; see [`write_atomically`].
 ///
 /// # Errors
@@ -92,6 +100,15 @@ where
 /// When that is not allowed, or a file is in the way.
 pub fn create_folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(Error::io(path, "create the folder"))
+}
+
+/// Whether files can be created in the folder `path`, found out by creating one, which goes away at once.
+///
+/// # Errors
+/// When they cannot; the system's reason is in it.
+pub fn check_folder(path: &Path) -> Result<()> {
+    let made = tempfile::Builder::new().prefix(".monadnock-").tempfile_in(path);
+    made.map(drop).map_err(Error::io(path, "create a file in the folder"))
 }
 
 /// Adds `text` at the end of a file, which begins empty, and waits until it is on the disk.
@@ -194,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_added_at_the_end_and_removing_nothing_is_no_failure() {
+    fn appending_adds_lines_and_removing_nothing_is_fine() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a/b/journal");
         assert!(append(&path, "x").unwrap_err().to_string().contains("journal"));

@@ -8,6 +8,9 @@ pub mod error;
 pub mod file;
 pub mod machine;
 pub mod seed;
+pub mod control;
+pub mod checked;
+pub mod arrays;
 pub mod grid;
 pub mod dem;
 pub mod flow;
@@ -20,6 +23,8 @@ pub mod metrics;
 pub mod viz;
 pub mod learn;
 pub mod systems;
+pub mod style;
+pub mod evaluate;
 pub mod experiment;
 pub mod cli;
 

@@ -2,8 +2,6 @@
 
 use crate::file;
 use sha2::{Digest, Sha256};
-use std::path::Path;
-use std::process::Command;
 use std::sync::OnceLock;
 
 /// Largest amount of memory that the process has held so far, in bytes; `None` where the system does not tell (only
@@ -52,15 +50,11 @@ pub fn program_sha256() -> Option<String> {
     HASH.get_or_init(hash).clone()
 }
 
-/// The revision of the source tree that the program was built in, as `git describe` says it now ("0a1b2c3d4e5f", with
-/// "-dirty" when files are changed); `None` without git or that tree.
+/// The revision of the source that the program was built from, as git named it then ("0a1b2c3d4e5f", with "-dirty" when files
+/// of the program were changed); `None` when it was built without git, as from an archive.
 #[must_use]
-pub fn revision() -> Option<String> {
-    let tree = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let arguments = ["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"];
-    let output = Command::new("git").arg("-C").arg(tree).args(arguments).output().ok()?;
-    let text = String::from_utf8(output.stdout).ok().filter(|_| output.status.success())?;
-    Some(text.trim().to_owned()).filter(|text| !text.is_empty())
+pub fn revision() -> Option<&'static str> {
+    option_env!("MONADNOCK_REVISION").filter(|text| !text.is_empty())
 }
 
 #[cfg(test)]

@@ -2,11 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use monadnock::experiment::areas::Terrain;
+use monadnock::experiment::documents::{self, Form};
 use monadnock::experiment::record::Record;
-use monadnock::experiment::resolve::{Terrain, resolve};
+use monadnock::experiment::resolve::resolve;
 use monadnock::experiment::rows::ScoreTable;
 use monadnock::experiment::run::{RunOptions, run};
-use monadnock::experiment::{ExperimentSpec, bounds, markdown, report};
+use monadnock::experiment::{ExperimentSpec, bounds, report};
 use monadnock::viz::Picture;
 use std::fs;
 use std::path::Path;
@@ -81,11 +83,14 @@ fn every_patch_is_the_exemplar_once() {
     assert_eq!(areas.into_iter().collect::<Vec<_>>(), expected);
     let known = ran.text("exemplars.csv");
     assert_eq!(known.lines().count(), 5, "{known}");
-    let tables = markdown::of_record(&ran.record).unwrap();
+    let tables = documents::of_record(&ran.record, Form::Markdown).unwrap();
     for words in ["| sierra | 4 |", "standard deviation", "relief_m", "rank correlation"] {
         assert!(tables.contains(words), "{words:?} is missing in: {tables}");
     }
-    assert!(ran.page.contains("Which exemplar") && ran.files("plots").contains(&"exemplars.svg".to_owned()));
+    assert!(
+        ran.page.contains("What tells a good exemplar")
+            && ran.files("plots").contains(&"exemplars.svg".to_owned())
+    );
 }
 
 #[test]
@@ -156,7 +161,7 @@ fn partial_sketches_lose_strokes() {
 }
 
 #[test]
-fn quarter_turns_are_exact_when_the_parts_are_the_same() {
+fn quarter_turns_with_the_same_parts_are_exact() {
     let ran = Ran::new("invariance");
     let max = |system: &str, sketch: &str| ran.mean(system, sketch, "max_difference");
     assert!(max("quiet", "turned 90, same parts") < 1e-4);
@@ -187,7 +192,7 @@ fn region_states_are_scored_and_drawn() {
 #[test]
 fn coarser_cells_are_means() {
     let ran = Ran::new("resolution");
-    let tables = markdown::of_record(&ran.record).unwrap();
+    let tables = documents::of_record(&ran.record, Form::Markdown).unwrap();
     assert!(tables.contains("| sierra-1x |") && tables.contains("| sierra-2x |"), "{tables}");
     let resolved = resolve(&ran.record.spec().unwrap(), &Terrain::default()).unwrap();
     let (fine, coarse) = (&resolved.areas[0].dem, &resolved.areas[1].dem);
@@ -225,7 +230,9 @@ fn lengths_of_parts_are_compared() {
     let ran = Ran::new("parts");
     let [short, long] = ["cells-5-10", "cells-15-20"].map(|s| ran.mean(s, "dense", "psnr"));
     assert!(short != long);
-    assert!(markdown::of_record(&ran.record).unwrap().contains("the difference to `cells-5-10`"));
+    assert!(
+        documents::of_record(&ran.record, Form::Markdown).unwrap().contains("the difference to `cells-5-10`")
+    );
 }
 
 #[test]
@@ -233,10 +240,10 @@ fn printed_numbers_and_losses_stand_in_the_report() {
     let ran = Ran::new("neighbours");
     assert!(ran.files("plots").contains(&"printed-grand-canyon-psnr.svg".to_owned()));
     assert!(ran.text("plots/printed-grand-canyon-psnr.svg").contains("Table 1: 15.81"));
-    let tables = markdown::of_record(&ran.record).unwrap();
+    let tables = documents::of_record(&ran.record, Form::Markdown).unwrap();
     assert!(tables.contains("An interpolator has the higher PSNR"), "{tables}");
-    let lost = ran.page.contains("Where an interpolator wins");
-    assert!(lost && ran.page.contains("Error in the border"));
+    let lost = ran.page.contains("An interpolator has the higher PSNR");
+    assert!(lost && ran.page.contains("error in the border"));
 }
 
 #[test]

@@ -3,12 +3,15 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use assert_cmd::Command;
-use monadnock::experiment::record::{DetailRow, Record, TrainingRow};
-use monadnock::experiment::resolve::{Terrain, resolve};
-use monadnock::experiment::run::{Event, RunOptions, run};
-use monadnock::experiment::spec::{DetailSpec, Kind};
-use monadnock::experiment::{ExperimentSpec, bounds, markdown, report};
-use monadnock::systems::singan::DetailConfig;
+use monadnock::experiment::areas::Terrain;
+use monadnock::experiment::documents::{self, Form};
+use monadnock::experiment::events::Event;
+use monadnock::experiment::record::{Record, TrainingRow};
+use monadnock::experiment::resolve::resolve;
+use monadnock::experiment::run::{RunOptions, run};
+use monadnock::experiment::spec::DetailSpec;
+use monadnock::experiment::{ExperimentSpec, Kind, bounds, report};
+use monadnock::style::{GeneratorConfig, Style};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -90,18 +93,7 @@ fn every_experiment_can_be_run_and_has_a_quick_twin() {
         resolve(spec, &Terrain::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
     }
     let kinds: Vec<Kind> = full.iter().map(|(_, spec)| spec.kind).collect();
-    for kind in [
-        Kind::Neighbours,
-        Kind::Fit,
-        Kind::Sparse,
-        Kind::Ablation,
-        Kind::Exemplar,
-        Kind::Exchange,
-        Kind::Drawings,
-        Kind::Invariance,
-        Kind::Disentanglement,
-        Kind::Cost,
-    ] {
+    for kind in Kind::ALL {
         assert!(kinds.contains(&kind), "{kind:?}");
     }
 }
@@ -154,16 +146,16 @@ fn bad_values_are_named_with_what_is_allowed() {
 }
 
 #[test]
-fn detail_has_names_or_settings_and_other_names_are_refused() {
+fn detail_has_names_or_settings() {
     let style = |detail: &str| {
         let text = SMALL.replace("name = \"thin\"", &format!("name = \"thin\"\ndetail = {detail}"));
         spec(&text).map(|spec| spec.style[1].detail.clone().unwrap())
     };
     assert!(matches!(style("\"patches\"").unwrap(), DetailSpec::Patches(_)));
     for (detail, config) in [
-        ("\"generators\"", DetailConfig::default()),
-        ("\"paper\"", DetailConfig::paper()),
-        ("{ steps = 3 }", DetailConfig { steps: 3, ..DetailConfig::default() }),
+        ("\"generators\"", GeneratorConfig::default()),
+        ("\"paper\"", GeneratorConfig::paper()),
+        ("{ steps = 3 }", GeneratorConfig { steps: 3, ..GeneratorConfig::default() }),
     ] {
         assert_eq!(style(detail).unwrap(), DetailSpec::Generators(config), "{detail}");
     }
@@ -178,7 +170,7 @@ fn detail_has_names_or_settings_and_other_names_are_refused() {
 fn trainings_are_read_as_they_were_written() {
     let folder = tempfile::tempdir().unwrap();
     let record = Record::new(folder.path());
-    let row = |detail, error: &str| TrainingRow {
+    let row = TrainingRow {
         style: "one".into(),
         area: "sierra".into(),
         seed: 2,
@@ -187,22 +179,23 @@ fn trainings_are_read_as_they_were_written() {
         seconds: 1.5,
         preparation_seconds: 0.25,
         seconds_per_epoch: 0.5,
-        detail,
-        error: error.into(),
+        ..TrainingRow::default()
     };
-    let detail = |psnr| Some(DetailRow { seconds: 122.5, gain: 1.25, psnr });
-    let rows = [row(None, "failed, twice"), row(detail(Some(32.125)), ""), row(detail(None), "")];
-    record.write_training(&rows).unwrap();
-    assert_eq!(record.training().unwrap(), rows);
+    let failed = TrainingRow { error: "failed, twice".into(), ..row.clone() };
+    let patches = TrainingRow { detail_seconds: Some(122.5), detail_gain: Some(1.25), ..row };
+    let generators = TrainingRow { detail_psnr: Some(32.125), ..patches.clone() };
+    let rows = [failed, patches, generators];
+    record.write_table("training.csv", &rows).unwrap();
+    assert_eq!(record.table::<TrainingRow>("training.csv").unwrap(), rows);
 
     let old = "style,area,seed,parameters,epochs,seconds,preparation_seconds,seconds_per_epoch,error\n\
                one,sierra,2,100,3,1.5,0.25,0.5,\"failed, twice\"\n";
     fs::write(record.path("training.csv"), old).unwrap();
-    assert_eq!(record.training().unwrap(), rows[..1]);
+    assert_eq!(record.table::<TrainingRow>("training.csv").unwrap(), rows[..1]);
 }
 
 #[test]
-fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
+fn interrupted_and_repeated_runs_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let resolved = resolve(&spec(SMALL).unwrap(), &Terrain::default()).unwrap();
@@ -213,7 +206,7 @@ fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
     assert!(first.lines().next().unwrap().contains("interior_ssim"));
     assert!(fs::read_dir(at("a/pictures")).unwrap().count() == 1);
     let record = Record::new(&at("a"));
-    let training = record.training().unwrap();
+    let training: Vec<TrainingRow> = record.table("training.csv").unwrap();
     assert_eq!(training.len(), 4);
     assert!(
         training.iter().all(|t| t.epochs == 2 && t.seconds > 0.0 && t.parameters > 100 && t.error.is_empty())
@@ -289,7 +282,7 @@ fn a_run_that_was_interrupted_or_is_repeated_gives_the_same_bytes() {
 }
 
 #[test]
-fn experiments_share_styles_that_differ_only_in_how_terrain_is_made() {
+fn experiments_share_styles_of_the_same_training() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let shared = |name: &str| RunOptions { styles: Some(at("styles")), ..options(&at(name), 1) };
@@ -342,7 +335,7 @@ fn what_fails_is_a_row_with_its_error() {
 }
 
 #[test]
-fn a_fit_gives_every_loss_and_agrees_with_the_styles_own_record() {
+fn a_fit_agrees_with_the_styles_own_record() {
     let folder = tempfile::tempdir().unwrap();
     let text = r#"
 kind = "fit"
@@ -364,7 +357,8 @@ exemplar = [64, 64, 64]
     let table = Record::new(folder.path()).scores().unwrap();
     assert_eq!(table.rows.len(), 2);
     let style = fs::read_dir(folder.path().join("styles")).unwrap().next().unwrap().unwrap().path();
-    let training = monadnock::systems::region_gnn::Style::load(&style).unwrap().info.training;
+    let style = Style::load(&style).unwrap();
+    let training = style.network().unwrap().training();
     let value = |row: usize, name: &str| table.rows[row].values[table.column(name).unwrap()];
     let near = |a: f64, b: f64| assert!((a - b).abs() <= 1e-6 * b.abs(), "{a} {b}");
     near(value(0, "ssim").unwrap(), training.ssim);
@@ -381,25 +375,26 @@ exemplar = [64, 64, 64]
 #[test]
 fn tables_in_documents_are_those_of_the_records() {
     let records = root().join("experiments/records");
-    for document in ["README.md", "docs/experiments.md"] {
+    for document in ["README.md", "docs/results.md", "docs/papers/region_gnn.md"] {
+        assert!(!documents::markers(&root().join(document)).unwrap().is_empty(), "{document}");
         let path = root().join(document);
-        assert_eq!(markdown::stale(&path, &records).unwrap(), Vec::<String>::new(), "{document}");
+        assert_eq!(documents::stale(&path, &records).unwrap(), Vec::<String>::new(), "{document}");
     }
 
     let folder = tempfile::tempdir().unwrap();
     let (records, document) = (folder.path().join("records"), folder.path().join("README.md"));
     let text = "# Title\n<!-- experiment small -->\nformer text\n<!-- /experiment small -->\nend\n";
     fs::write(&document, text).unwrap();
-    assert_eq!(markdown::stale(&document, &records).unwrap(), ["small"], "there is no record");
+    assert_eq!(documents::stale(&document, &records).unwrap(), ["small"], "there is no record");
     let small = SMALL.replace("seeds = [1, 2]", "seeds = [1]").replace("pictures = 1", "pictures = 0");
     let resolved = resolve(&spec(&small).unwrap(), &Terrain::default()).unwrap();
     run(&resolved, &options(&records.join("small"), 1), &|_| {}).unwrap();
     let record = Record::new(&records.join("small"));
-    let content = markdown::of_record(&record).unwrap();
-    assert_eq!(markdown::stale(&document, &records).unwrap(), ["small"]);
-    assert!(markdown::splice(&document, "small", &content).unwrap());
-    assert!(!markdown::splice(&document, "small", &content).unwrap(), "the second time changes nothing");
-    assert_eq!(markdown::stale(&document, &records).unwrap(), Vec::<String>::new());
+    let content = documents::of_record(&record, Form::Markdown).unwrap();
+    assert_eq!(documents::stale(&document, &records).unwrap(), ["small"]);
+    assert!(documents::splice(&document, "small", &content).unwrap());
+    assert!(!documents::splice(&document, "small", &content).unwrap(), "the second time changes nothing");
+    assert_eq!(documents::stale(&document, &records).unwrap(), Vec::<String>::new());
     let spliced = fs::read_to_string(&document).unwrap();
     assert!(
         spliced.starts_with("# Title\n<!-- experiment small -->\n") && spliced.ends_with("\nend\n"),
@@ -413,15 +408,15 @@ fn tables_in_documents_are_those_of_the_records() {
     let scores = fs::read_to_string(records.join("small/scores.csv")).unwrap();
     let altered: Vec<String> = scores.lines().map(|l| l.replace(",0.9", ",0.8")).collect();
     fs::write(records.join("small/scores.csv"), altered.join("\n")).unwrap();
-    assert_eq!(markdown::stale(&document, &records).unwrap(), ["small"]);
+    assert_eq!(documents::stale(&document, &records).unwrap(), ["small"]);
     assert!(
-        markdown::splice(&document, "large", "x")
+        documents::splice(&document, "large", "x")
             .unwrap_err()
             .to_string()
             .contains("<!-- experiment large -->")
     );
     fs::write(&document, "<!-- experiment small -->\n").unwrap();
-    assert!(markdown::markers(&document).unwrap_err().to_string().contains("without an end"));
+    assert!(documents::markers(&document).unwrap_err().to_string().contains("without an end"));
 }
 
 fn program(folder: &Path, args: &[&str]) -> (i32, String, String) {

@@ -1,6 +1,7 @@
 //! The classical systems against scipy on two real patches (`tests/oracle/interpolation_and_metrics.py`).
 #![allow(clippy::unwrap_used, reason = "a test: the fixture is ours")]
 
+use monadnock::control::Stop;
 use monadnock::grid::{Cell, Grid};
 use monadnock::interpolation::{biharmonic, harmonic};
 use monadnock::seed::Seed;
@@ -69,7 +70,7 @@ fn classical_systems_agree_with_scipy_wherever_the_answer_is_unique() {
             if patch.oracle[name].is_null() {
                 continue;
             }
-            let terrain = system.generate(&patch.lines, Seed(1)).unwrap();
+            let terrain = system.generate(&patch.lines, Seed(1), &Stop::new()).unwrap();
             let (worst, count) = compare(|i| f64::from(terrain.as_slice()[i]), &patch.oracle[name]);
             // Heights of up to 3000 m in f32.
             assert!(count > 350 && worst < 1e-3, "{name} on {}: {worst} m at {count} cells", patch.name);

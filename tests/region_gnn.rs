@@ -2,19 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use monadnock::control::{Checkpoints, Control, Progress, Stop};
 use monadnock::dem::{CellSize, Dem, Normalization, bundled};
-use monadnock::experiment::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
+use monadnock::evaluate::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
 use monadnock::extract::{self, ExtractionConfig};
 use monadnock::grid::{Cell, Grid};
 use monadnock::metrics::ssim;
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
+use monadnock::style::{Registry, Source, Style, StyleConfig, learn_coarse};
 use monadnock::systems::region_gnn::config::Kernel;
-use monadnock::systems::region_gnn::style::{Source, Style, StyleConfig, describe, learn, learn_with};
-use monadnock::systems::region_gnn::{
-    Checkpoints, Control, EpochReport, FineTuning, GenerationConfig, Preset,
-};
-use monadnock::systems::registry;
+use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Duration;
 
 const SIDE: usize = 64;
@@ -31,8 +29,22 @@ fn brief(preset: Preset, epochs: usize) -> StyleConfig {
     config
 }
 
+/// A style of the network alone.
+fn learn_with(
+    source: &Source,
+    config: &StyleConfig,
+    seed: Seed,
+    control: Control<'_>,
+) -> monadnock::Result<Style> {
+    learn_coarse(source, &config.extraction, &*config.plan()?, seed, control)
+}
+
+fn learn(source: &Source, config: &StyleConfig) -> monadnock::Result<Style> {
+    learn_with(source, config, Seed(1), Control::new(&mut |_| ()))
+}
+
 fn style(preset: Preset, epochs: usize) -> Style {
-    learn(&source(160, 200), &brief(preset, epochs), Seed(1), |_| ()).unwrap()
+    learn(&source(160, 200), &brief(preset, epochs)).unwrap()
 }
 
 /// Unit heights of a window and the lines on it.
@@ -46,7 +58,8 @@ fn patch(row: usize, col: usize) -> (Dem, Grid<f32>, LineMap) {
 #[test]
 fn both_presets_fit_one_patch() {
     for (preset, epochs, least) in [(Preset::Anchored, 40, 0.94), (Preset::Paper, 150, 0.85)] {
-        let training = style(preset, epochs).info.training;
+        let style = style(preset, epochs);
+        let training = style.network().unwrap().training();
         assert!(training.ssim > least, "{preset:?}: SSIM {}", training.ssim);
         let (first, last) = (training.history[0].losses, training.history.last().unwrap().losses);
         if preset == Preset::Paper {
@@ -60,7 +73,8 @@ fn both_presets_fit_one_patch() {
 fn anchored_terrain_meets_its_lines() {
     let style = style(Preset::Anchored, 5);
     let (_, _, lines) = patch(320, 320);
-    let made = style.model.generate(&lines, &style.info.config.generation, Seed(3)).unwrap();
+    let made =
+        style.network().unwrap().model().generate(&lines, &style.config().generation, Seed(3)).unwrap();
     for (cell, kind) in lines.kinds().cells() {
         if kind.is_some() {
             assert!((made[cell] - lines.heights()[cell]).abs() < 1e-4, "{cell:?}");
@@ -75,7 +89,7 @@ fn what_was_learned_on_one_patch_helps_on_others() {
     let source = Source::new("sierra", &dem, exemplar, PATCH, PATCH).unwrap();
     let mut config = brief(Preset::Anchored, 80);
     config.model.extractions = 4;
-    let style = learn(&source, &config, Seed(1), |_| ()).unwrap();
+    let style = learn(&source, &config).unwrap();
     let protocol = EvaluationConfig {
         extraction: config.extraction.clone(),
         sketch_order: Some(3),
@@ -83,7 +97,7 @@ fn what_was_learned_on_one_patch_helps_on_others() {
     };
     let mut others: Vec<Cell> = patch_cells(&dem).into_iter().filter(|c| *c != exemplar).collect();
     others.truncate(4);
-    let systems = registry::select(&style, "gnn,laplace,natural-neighbour").unwrap();
+    let systems = Registry::default().select(&style, "gnn,laplace,natural-neighbour").unwrap();
     let evaluation = evaluate(&dem, &others, &systems, &protocol, Seed(1), false, || ()).unwrap();
     let lines = aggregate(&evaluation.rows);
     let mean = |i: usize| lines[i].summary.get("psnr").unwrap().mean;
@@ -94,10 +108,10 @@ fn what_was_learned_on_one_patch_helps_on_others() {
 fn anchored_terrain_moves_and_stretches_with_its_sketch() {
     let style = style(Preset::Anchored, 20);
     let (_, _, lines) = patch(320, 320);
-    let generation = &style.info.config.generation;
-    let here = style.model.generate(&lines, generation, Seed(3)).unwrap();
+    let generation = &style.config().generation;
+    let here = style.network().unwrap().model().generate(&lines, generation, Seed(3)).unwrap();
     let there = lines.map_heights(|z| 500.0 + 40.0 * z);
-    let there = style.model.generate(&there, generation, Seed(3)).unwrap();
+    let there = style.network().unwrap().model().generate(&there, generation, Seed(3)).unwrap();
     for (a, b) in here.as_slice().iter().zip(there.as_slice()) {
         assert!((500.0 + 40.0 * a - b).abs() < 0.02, "{a} {b}");
     }
@@ -111,15 +125,17 @@ fn a_style_file_gives_back_the_style() {
         let made = style(preset, 3);
         made.save(&path).unwrap();
         let read = Style::load(&path).unwrap();
-        assert_eq!(read.info, made.info);
-        assert_eq!(read.model.parts(), made.model.parts());
+        assert_eq!(read.describe().unwrap(), made.describe().unwrap());
+        assert_eq!(read.network().unwrap().model().parts(), made.network().unwrap().model().parts());
         let (_, _, lines) = patch(0, 0);
-        let run = |style: &Style| style.generate(&lines.map_heights(|z| 900.0 + z), None, Seed(5)).unwrap();
+        let run = |style: &Style| {
+            style.generate(&lines.map_heights(|z| 900.0 + z), None, Seed(5), &Stop::new()).unwrap()
+        };
         assert_eq!(run(&made), run(&read));
         let again = folder.path().join("again.safetensors");
         read.save(&again).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap());
-        assert!(describe(&path).unwrap()["training"]["seconds_per_epoch"].as_f64().unwrap() > 0.0);
+        assert!(read.describe().unwrap()["training"]["seconds_per_epoch"].as_f64().unwrap() > 0.0);
     }
 }
 
@@ -145,7 +161,7 @@ fn a_damaged_style_is_refused_by_name() {
         let changed = text[..header].replacen(from, to, 1);
         [&good[..8], changed.as_bytes(), &good[8 + header..]].concat()
     };
-    refuse(&swap(r#"\"version\":1"#, r#"\"version\":7"#), "version");
+    refuse(&swap(r#"\"version\":2"#, r#"\"version\":7"#), "version");
     refuse(&swap(r#"\"width\":32"#, r#"\"width\":33"#), "width");
     refuse(&swap("parts.cells", "parts.celIs"), "parts.cells");
     // Weights that are no numbers.
@@ -165,8 +181,13 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
         pool.install(|| {
             let style = style(Preset::Anchored, 4);
             let (_, _, lines) = patch(320, 320);
-            let terrain = style.model.generate(&lines, &style.info.config.generation, Seed(2)).unwrap();
-            (style.model.network().params().snapshot().unwrap(), terrain)
+            let terrain = style
+                .network()
+                .unwrap()
+                .model()
+                .generate(&lines, &style.config().generation, Seed(2))
+                .unwrap();
+            (style.network().unwrap().model().network().params().snapshot().unwrap(), terrain)
         })
     };
     assert!(on(1) == on(2));
@@ -175,10 +196,10 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
 #[test]
 fn the_plain_kernel_trains_to_the_same_model() {
     let mut config = brief(Preset::Anchored, 3);
-    let fused = learn(&source(160, 200), &config, Seed(1), |_| ()).unwrap();
+    let fused = learn(&source(160, 200), &config).unwrap();
     config.model.kernel = Kernel::Plain;
-    let plain = learn(&source(160, 200), &config, Seed(1), |_| ()).unwrap();
-    let (a, b) = (fused.info.training.ssim, plain.info.training.ssim);
+    let plain = learn(&source(160, 200), &config).unwrap();
+    let (a, b) = (fused.network().unwrap().training().ssim, plain.network().unwrap().training().ssim);
     assert!((a - b).abs() < 1e-3, "{a} {b}");
 }
 
@@ -188,7 +209,7 @@ fn fine_tuning_brings_terrain_closer_to_the_lines() {
     let (_, _, lines) = patch(320, 320);
     let error = |fine_tuning| {
         let config = GenerationConfig { fine_tuning, correction: None, ..Default::default() };
-        let made = style.model.generate(&lines, &config, Seed(3)).unwrap();
+        let made = style.network().unwrap().model().generate(&lines, &config, Seed(3)).unwrap();
         let cells = lines.kinds().cells().filter(|(_, kind)| kind.is_some());
         cells.map(|(cell, _)| f64::from(made[cell] - lines.heights()[cell]).powi(2)).sum::<f64>()
     };
@@ -200,24 +221,27 @@ fn every_system_keeps_its_contract() {
     let style = style(Preset::Anchored, 2);
     let paper = self::style(Preset::Paper, 2);
     let (_, _, lines) = patch(320, 320);
-    for (name, system) in registry::all(&style).unwrap().into_iter().chain(registry::all(&paper).unwrap()) {
-        let made = system.generate(&lines, Seed(1)).unwrap();
+    let all = |style: &Style| Registry::default().all(style);
+    for (name, system) in all(&style).into_iter().chain(all(&paper)) {
+        let made = system.generate(&lines, Seed(1), &Stop::new()).unwrap();
         assert_eq!(made.shape(), lines.shape(), "{name}");
         assert!(made.as_slice().iter().all(|z| z.is_finite()), "{name}");
-        assert_eq!(made, system.generate(&lines, Seed(1)).unwrap(), "{name} repeats");
+        assert_eq!(made, system.generate(&lines, Seed(1), &Stop::new()).unwrap(), "{name} repeats");
         let empty = LineMap::empty(40, 50);
-        assert!(system.generate(&empty, Seed(1)).is_err(), "{name} refuses an empty sketch");
+        assert!(system.generate(&empty, Seed(1), &Stop::new()).is_err(), "{name} refuses an empty sketch");
         // One short line on another shape of map.
         let mut single = LineMap::empty(33, 47);
         single.set(Cell::new(10, 10), monadnock::sketch::StrokeKind::Ridge, 0.5);
         single.set(Cell::new(10, 11), monadnock::sketch::StrokeKind::Ridge, 0.6);
-        let made = system.generate(&single, Seed(1)).unwrap();
+        let made = system.generate(&single, Seed(1), &Stop::new()).unwrap();
         assert_eq!(made.shape(), (33, 47), "{name}");
         assert!(made.as_slice().iter().all(|z| z.is_finite()), "{name}");
     }
-    assert!(registry::select(&style, "gnn,laplace").unwrap().len() == 2);
-    assert!(registry::select(&paper, "gnn").unwrap().len() == 4);
-    assert!(registry::select(&style, "magic").err().unwrap().to_string().contains("natural-neighbour"));
+    assert!(Registry::default().select(&style, "gnn,laplace").unwrap().len() == 2);
+    assert!(Registry::default().select(&paper, "gnn").unwrap().len() == 4);
+    assert!(
+        Registry::default().select(&style, "magic").err().unwrap().to_string().contains("natural-neighbour")
+    );
 }
 
 #[test]
@@ -233,14 +257,14 @@ fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
     heights[Cell::new(25, 45)] = f32::NAN;
     let holed = Dem::with_voids(heights, valid, whole.dem.cell_size()).unwrap();
     let holed = Source::new("holed", &holed, Cell::new(0, 0), SIDE, SIDE).unwrap();
-    let style = learn(&holed, &brief(Preset::Anchored, 20), Seed(1), |_| ()).unwrap();
-    assert!(style.info.training.ssim > 0.85, "{}", style.info.training.ssim);
+    let style = learn(&holed, &brief(Preset::Anchored, 20)).unwrap();
+    assert!(style.network().unwrap().training().ssim > 0.85, "{}", style.network().unwrap().training().ssim);
 
     let cell = CellSize::square(30.0).unwrap();
     let refused = |dem: &Dem| {
         let (rows, cols) = dem.shape();
         let source = Source::new("bad", dem, Cell::new(0, 0), rows, cols).unwrap();
-        learn(&source, &brief(Preset::Anchored, 1), Seed(1), |_| ()).unwrap_err().to_string()
+        learn(&source, &brief(Preset::Anchored, 1)).unwrap_err().to_string()
     };
     assert!(refused(&Dem::new(Grid::filled(64, 64, 5.0), cell).unwrap()).contains("line cells"));
     let small = whole.dem.crop(Cell::new(0, 0), 31, 64).unwrap();
@@ -251,19 +275,19 @@ fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
 }
 
 /// A training on 64 x 64 cells whose state is kept after every epoch.
-fn kept(path: &std::path::Path, epochs: usize, resume: bool, seed: Seed) -> monadnock::error::Result<Style> {
+fn kept(path: &std::path::Path, epochs: usize, resume: bool, seed: Seed) -> monadnock::Result<Style> {
     let checkpoints = Checkpoints { path: path.to_owned(), interval: Duration::ZERO, resume };
     let mut config = brief(Preset::Anchored, epochs);
     config.model.extractions = 3;
-    let mut stop_here = |_: &EpochReport| ();
-    let control = Control { progress: &mut stop_here, budget: None, checkpoints: Some(checkpoints) };
+    let mut quiet = |_: &Progress<'_>| ();
+    let control = Control { checkpoints: Some(checkpoints), ..Control::new(&mut quiet) };
     learn_with(&source(160, 200), &config, seed, control)
 }
 
 #[test]
 fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
     let folder = tempfile::tempdir().unwrap();
-    let weights = |style: &Style| style.model.network().params().snapshot().unwrap();
+    let weights = |style: &Style| style.network().unwrap().model().network().params().snapshot().unwrap();
     let (whole, part) = (folder.path().join("whole"), folder.path().join("part"));
     let never_stopped = kept(&whole, 12, false, Seed(3)).unwrap();
 
@@ -272,16 +296,18 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
     let mut config = brief(Preset::Anchored, 12);
     config.model.extractions = 3;
     let interrupted = std::panic::catch_unwind(|| {
-        let mut stop = |report: &EpochReport| assert!(report.epoch < 6, "the power fails");
-        let control = Control { progress: &mut stop, budget: None, checkpoints: Some(checkpoints) };
+        let mut stop = |done: &Progress<'_>| assert!(done.step < 6, "the power fails");
+        let control = Control { checkpoints: Some(checkpoints), ..Control::new(&mut stop) };
         learn_with(&source(160, 200), &config, Seed(3), control)
     });
     assert!(interrupted.is_err());
     let resumed = kept(&part, 12, true, Seed(3)).unwrap();
     assert_eq!(weights(&resumed), weights(&never_stopped));
-    let losses = |s: &Style| s.info.training.history.iter().map(|h| (h.epoch, h.losses)).collect::<Vec<_>>();
+    let losses = |s: &Style| {
+        s.network().unwrap().training().history.iter().map(|h| (h.epoch, h.losses)).collect::<Vec<_>>()
+    };
     assert_eq!(losses(&resumed), losses(&never_stopped));
-    assert_eq!(resumed.info.training.epochs, 12);
+    assert_eq!(resumed.network().unwrap().training().epochs, 12);
 
     let other = kept(&part, 12, true, Seed(4)).unwrap_err().to_string();
     assert!(other.contains("part") && other.contains("seed"), "{other}");
@@ -293,13 +319,13 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
 fn a_budget_ends_the_training_in_time_with_the_schedule_run_down() {
     let mut config = brief(Preset::Anchored, 1_000_000);
     config.model.extractions = 1;
-    let mut ignore = |_: &EpochReport| ();
+    let mut ignore = |_: &Progress<'_>| ();
     let budget = Some(Duration::from_secs(4));
-    let control = Control { progress: &mut ignore, budget, checkpoints: None };
+    let control = Control { budget, ..Control::new(&mut ignore) };
     let style = learn_with(&source(160, 200), &config, Seed(1), control).unwrap();
-    let t = &style.info.training;
+    let t = style.network().unwrap().training();
     assert!(t.epochs > 1 && t.seconds < 4.0, "{} epochs in {} s", t.epochs, t.seconds);
-    assert_eq!(style.info.config.model.epochs, t.epochs);
+    assert_eq!(style.config().model.epochs, t.epochs);
     let (first, last) = (t.history[0].losses, t.history[t.history.len() - 1].losses);
     assert!(last.ground_truth < first.ground_truth);
 }
@@ -309,6 +335,10 @@ fn patience_ends_a_training_that_no_longer_learns() {
     let mut config = brief(Preset::Anchored, 200);
     config.model.learning_rate = 1e-8;
     config.model.patience = 10;
-    let style = learn(&source(160, 200), &config, Seed(1), |_| ()).unwrap();
-    assert!((11..100).contains(&style.info.training.epochs), "{}", style.info.training.epochs);
+    let style = learn(&source(160, 200), &config).unwrap();
+    assert!(
+        (11..100).contains(&style.network().unwrap().training().epochs),
+        "{}",
+        style.network().unwrap().training().epochs
+    );
 }

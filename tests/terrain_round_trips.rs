@@ -40,7 +40,10 @@ fn places() -> Vec<(Georeference, CellSize)> {
             ([30.0 * c, 25.0 * s, 3e5, 30.0 * s, -25.0 * c, 4.1e6], Some(32611), 30.0, 25.0),
             ([30.0 * c, 25.0 * s, 3e5, 30.0 * s, -25.0 * c, 4.1e6], None, 30.0, 25.0),
         ] {
-            found.push((Georeference { transform, epsg, raster_space }, CellSize::new(x, y).unwrap()));
+            found.push((
+                Georeference { transform, epsg, definition: None, raster_space },
+                CellSize::new(x, y).unwrap(),
+            ));
         }
     }
     found
@@ -153,8 +156,12 @@ fn npy_and_ascii_keep_heights_and_voids() {
     );
     // A metric place is kept; a height of -9999 is not mistaken for a void.
     for raster_space in [RasterSpace::PixelIsArea, RasterSpace::PixelIsPoint] {
-        let place =
-            Georeference { transform: [30.0, 0.0, 7680.0, 0.0, -25.0, 23040.0], epsg: None, raster_space };
+        let place = Georeference {
+            transform: [30.0, 0.0, 7680.0, 0.0, -25.0, 23040.0],
+            epsg: None,
+            definition: None,
+            raster_space,
+        };
         let mut heights = dem.heights().clone();
         heights[Cell::new(0, 0)] = -9999.0;
         let deep = Dem::with_voids(heights, dem.valid().clone(), dem.cell_size()).unwrap().at(Some(place));

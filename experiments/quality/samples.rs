@@ -11,6 +11,7 @@
 #![allow(clippy::print_stdout, reason = "an experiment prints")]
 
 use monadnock::Result;
+use monadnock::control::Stop;
 use monadnock::dem::io::{self, ReadOptions};
 use monadnock::dem::{Dem, Normalization, bundled};
 use monadnock::grid::{Cell, Grid, Mask};
@@ -19,9 +20,8 @@ use monadnock::metrics::{
     spectrum_distance,
 };
 use monadnock::seed::Seed;
-use monadnock::systems::pipeline::needed_detail;
-use monadnock::systems::region_gnn::Style;
-use monadnock::systems::task::{DetailModel, SampleUse};
+use monadnock::style::Style;
+use monadnock::systems::task::SampleUse;
 use std::path::Path;
 
 const NAMES: [&str; 5] = ["wasserstein", "spectrum dB", "slope", "curvature", "slope ratio"];
@@ -48,14 +48,14 @@ fn main() -> Result<()> {
 
 fn lines(path: &str, varieties: &[f32], dem: &Dem, count: u64) -> Result<()> {
     let style = Style::load(Path::new(path))?;
-    let e = &style.info.exemplar;
+    let e = &style.origin.exemplar;
     let window = dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?;
     let (exemplar, valid) = (Normalization::of(&window).normalize(&window), window.valid());
-    let detail = needed_detail(&style)?;
+    let detail = style.needed_detail()?;
     let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());
     for &variety in varieties {
         let what = SampleUse { rows: e.rows, cols: e.cols, variety };
-        let drawn = (1..=count).map(|seed| detail.sample(&what, Seed(seed)));
+        let drawn = (1..=count).map(|seed| detail.sample(&what, Seed(seed), &Stop::new()));
         print!("{name:30} {variety:>7}");
         print_scores(&drawn.collect::<Result<Vec<_>>>()?, &exemplar, valid)?;
     }

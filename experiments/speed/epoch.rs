@@ -9,6 +9,7 @@
 #![allow(clippy::print_stdout, reason = "a benchmark prints")]
 
 use candle_core::{Device, Tensor};
+use monadnock::control::{Control, Progress};
 use monadnock::dem::{Normalization, bundled};
 use monadnock::extract::{self, ExtractionConfig};
 use monadnock::grid::{Grid, Mask};
@@ -17,8 +18,7 @@ use monadnock::seed::Seed;
 use monadnock::sketch::{LineMap, split_parts};
 use monadnock::systems::region_gnn::config::Kernel;
 use monadnock::systems::region_gnn::{
-    Control, EpochReport, Exemplar, Network, PassEdges, Preset, RegionGnn, RegionGnnConfig, RegionGraph,
-    train,
+    DrawnExemplar, Network, PassEdges, Preset, RegionGnn, RegionGnnConfig, RegionGraph, train,
 };
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -129,9 +129,12 @@ fn stages() {
 /// Median seconds of an epoch, and the model.
 fn epochs(config: RegionGnnConfig, heights: &Grid<f32>, valid: &Mask, epochs: usize) -> (f64, RegionGnn) {
     let config = RegionGnnConfig { epochs, extractions: 1, ..config };
-    let exemplar =
-        Exemplar { heights: heights.clone(), valid: valid.clone(), lines: vec![lines_on(heights, valid)] };
-    let mut ignore = |_: &EpochReport| ();
+    let exemplar = DrawnExemplar {
+        heights: heights.clone(),
+        valid: valid.clone(),
+        lines: vec![lines_on(heights, valid)],
+    };
+    let mut ignore = |_: &Progress<'_>| ();
     let (network, parts, record) =
         train(&exemplar, &config, Seed(1), Control::new(&mut ignore)).expect("a training");
     let first = record.history[0].losses.ground_truth;

@@ -7,14 +7,15 @@
 //! terrain closer to the lines. Medians. Bias: other work on the machine counts.
 #![allow(clippy::print_stdout, reason = "a benchmark prints")]
 
+use monadnock::control::Control;
 use monadnock::dem::Normalization;
 use monadnock::dem::bundled;
 use monadnock::extract;
 use monadnock::grid::{Cell, Grid};
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
-use monadnock::systems::region_gnn::style::{Source, StyleConfig, learn};
-use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset, Style};
+use monadnock::style::{Source, Style, StyleConfig, learn_coarse};
+use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Instant;
 
 fn main() {
@@ -25,17 +26,19 @@ fn main() {
         let mut config = StyleConfig::preset(preset);
         config.model.epochs = 40;
         let source = Source::new("sierra", &dem, Cell::new(192, 192), 128, 128).expect("a patch");
-        learn(&source, &config, Seed(1), |_| ()).expect("a training")
+        let plan = config.plan().expect("valid settings");
+        learn_coarse(&source, &config.extraction, &*plan, Seed(1), Control::new(&mut |_| ()))
+            .expect("a training")
     };
     let (anchored, paper) = (style(Preset::Anchored), style(Preset::Paper));
-    let extraction = &anchored.info.config.extraction;
+    let extraction = &anchored.origin.extraction;
     let lines = extract::ridges_and_valleys(&unit, other.valid(), extraction).expect("lines");
     println!("128 x 128, {} line cells, {} threads", lines.line_count(), rayon::current_num_threads());
 
-    let own = &anchored.info.config.generation;
+    let own = &anchored.config().generation;
     time("anchored, as `generate` has it", &anchored, &lines, &GenerationConfig { folds: 0, ..own.clone() });
     time("anchored, with trust, as `eval` has it", &anchored, &lines, own);
-    let own = GenerationConfig { correction: None, ..paper.info.config.generation.clone() };
+    let own = GenerationConfig { correction: None, ..paper.config().generation };
     let aligned = time("paper, aligned", &paper, &lines, &own);
     let fine_tuning = Some(FineTuning::default());
     let tuned = time("paper, fine-tuned", &paper, &lines, &GenerationConfig { fine_tuning, ..own });
@@ -45,7 +48,8 @@ fn main() {
 }
 
 fn time(what: &str, style: &Style, lines: &LineMap, config: &GenerationConfig) -> Grid<f32> {
-    let run = || style.model.generate(lines, config, Seed(5)).expect("terrain");
+    let model = style.network().expect("a network").model();
+    let run = || model.generate(lines, config, Seed(5)).expect("terrain");
     let first = run();
     let mut times = Vec::new();
     for _ in 0..5 {

@@ -1,11 +1,11 @@
 """An epoch of ours beside the same epoch in PyTorch, in one run, as ratios.
 
-    python3 experiments/speed/peers.py PEERS [--rounds N] [--readme README.md] [--csv FILE]
+    python3 experiments/speed/peers.py PEERS [--rounds N] [--splice DOCUMENT] [--csv FILE]
 
 PEERS is a folder with the PyTorch re-writes (`peer_gnn.py`: the paper's network at 128x128, k = 10, 10,000 random edges,
 T = 2, width 32, six losses, Adam, two threads; `plain` as one would write it, `fast` with factorised first layers).
 Rounds of ours, plain and fast follow each other, so that what else the machine does falls on all. Without torch it says so
-and ends well. --readme puts the table between the marks `<!-- speed -->` and `<!-- /speed -->`; --csv writes the peers'
+and ends well. --splice puts the table between the marks `<!-- speed -->` and `<!-- /speed -->`; --csv writes the peers'
 numbers for `monadnock experiment run experiments/full/cost.toml --peers FILE`.
 
 Bias: the peers run on another terrain (matplotlib's sample) with 241 parts, ours on the bundled tile with 333.
@@ -53,7 +53,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("peers")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--readme")
+    parser.add_argument("--splice")
     parser.add_argument("--csv")
     args = parser.parse_args()
     if subprocess.run([sys.executable, "-c", "import torch"], capture_output=True).returncode != 0:
@@ -81,8 +81,8 @@ def main():
         for name, column, memory_mb in (("plain", 2, plain_memory), ("factorised", 3, fast_memory)):
             lines.append(f"an epoch,PyTorch {name},{len(rounds)},{median[column]:.5f},{memory_mb:.0f}")
         pathlib.Path(args.csv).write_text("\n".join(lines) + "\n")
-    if args.readme:
-        path = pathlib.Path(args.readme)
+    if args.splice:
+        path = pathlib.Path(args.splice)
         text = path.read_text()
         begin, end = "<!-- speed -->", "<!-- /speed -->"
         if begin not in text or end not in text:

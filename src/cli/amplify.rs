@@ -1,11 +1,11 @@
 //! `monadnock amplify`: terrain becomes finer, with a style's detail below its cells.
 
 use super::Context;
-use super::args::{DemInput, check_output, keep_inputs};
+use super::args::DemInput;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::error::Result;
-use crate::systems::pipeline::{amplify, needed_detail};
-use crate::systems::region_gnn::Style;
+use crate::style::amplify;
 use crate::systems::task::DetailUse;
 use std::path::PathBuf;
 
@@ -47,15 +47,18 @@ fn factor(text: &str) -> Result<u8, String> {
 /// # Errors
 /// Whatever is wrong with the style, the terrain or the output path.
 pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
-    let style = Style::load(&args.style)?;
-    let detail = needed_detail(&style).map_err(|e| e.in_file(&args.style))?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.style, &args.dem.dem])?;
-    io::check_name(&args.output)?;
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Terrain)
+        .reads(&args.style)
+        .reads(&args.dem.dem)
+        .check()?;
+    let style = context.registry.load(&args.style)?;
+    let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
     let dem = args.dem.load(&context.console)?;
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
     let factor = usize::from(args.factor);
-    let fine = amplify(&dem, &detail, style.info.normalization, factor, &how, context.seed)?;
+    let fine =
+        amplify(&dem, &**detail, style.origin.normalization, factor, &how, context.seed, &context.stop)?;
     io::write(&fine, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (fine.shape(), fine.range());
     context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));

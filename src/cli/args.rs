@@ -24,12 +24,13 @@ pub(super) struct DemInput {
 }
 
 impl DemInput {
-    /// The terrain, on square cells unless they are to be kept; says so on the console.
+    /// The terrain, on square cells unless they are to be kept; says so on the console, and what the reader noticed.
     ///
     /// # Errors
     /// As [`DemReading::read`].
     pub(super) fn load(&self, console: &Console) -> Result<Dem> {
-        let (dem, _) = self.reading.read(&self.dem)?;
+        let (dem, description) = self.reading.read(&self.dem)?;
+        tell(&self.dem, &description, console);
         let (name, size) = (self.dem.display(), dem.cell_size());
         let sides = format!("cells are {:.2} m west-east and {:.2} m north-south", size.x(), size.y());
         if self.keep_cells {
@@ -61,8 +62,8 @@ pub(super) struct DemReading {
     /// Cell size on the ground, metres: one side, or west-east and north-south; overrules the file
     #[arg(long, help_heading = READING, value_name = "M[,M]", value_parser = cell_size, allow_hyphen_values = true)]
     cell_size: Option<CellSize>,
-    /// The stored number that means "no height here", or `none`; overrules the file; not for PNG
-    #[arg(long, help_heading = READING, value_name = "V", value_parser = nodata, allow_hyphen_values = true)]
+    /// The stored number that means "no height here", or two of them, or `none`; overrules the file; in a PNG a grey level
+    #[arg(long, help_heading = READING, value_name = "V[,V]", value_parser = nodata, allow_hyphen_values = true)]
     nodata: Option<Nodata>,
     /// Band of a GeoTIFF with several, counted from 1
     #[arg(long, help_heading = READING, value_name = "N")]
@@ -117,23 +118,21 @@ impl DemReading {
         if format != Format::Png {
             return Ok(());
         }
-        if let Some(nodata) = self.nodata {
-            let value = match nodata {
-                Nodata::Value(value) => value.to_string(),
-                Nodata::None => "none".to_owned(),
-                Nodata::AsDeclared => "as declared".to_owned(),
-            };
-            return refuse(
-                "--nodata",
-                value,
-                "not for PNG: only a PNG of this program has voids, and says so",
-            );
-        }
         if let Some(metres) = self.metres_per_unit {
             let allowed = "not for PNG: a PNG holds grey levels, whose heights --elevation gives in metres";
             return refuse("--metres-per-unit", metres.to_string(), allowed);
         }
         Ok(())
+    }
+}
+
+/// What the reader of a terrain file noticed: what was assumed, what stands beside the file, what is strange.
+pub(super) fn tell(dem: &Path, description: &Description, console: &Console) {
+    for note in &description.notes {
+        console.line(format!("{}: {note}", dem.display()));
+    }
+    for warning in &description.warnings {
+        console.warning(format!("{}: {warning}", dem.display()));
     }
 }
 
@@ -250,7 +249,11 @@ pub(super) fn elevation(text: &str) -> Result<Normalization, String> {
     Ok(Normalization::new(number(low)?, number(high)?).map_err(|_| allowed)?)
 }
 
-fn cell_size(text: &str) -> Result<CellSize, String> {
+/// `M` or `M,M` in metres.
+///
+/// # Errors
+/// Says what is allowed.
+pub(super) fn cell_size(text: &str) -> Result<CellSize, String> {
     let allowed = "allowed: metres above 0, one side or two, as in 30 or 24.2,30.9";
     let (x, y) = text.split_once(',').unwrap_or((text, text));
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| allowed);
@@ -261,44 +264,12 @@ fn nodata(text: &str) -> Result<Nodata, String> {
     if text.eq_ignore_ascii_case("none") {
         return Ok(Nodata::None);
     }
-    text.trim().parse().map(Nodata::Value).map_err(|_| "allowed: a number or `none`".to_owned())
-}
-
-/// Refuses an output file that could never be written, before the work rather than after it.
-///
-/// # Errors
-/// When the folder of `path` does not exist, or `path` is a folder.
-pub(super) fn check_output(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-    if path.is_dir() {
-        return Err(Error::file(path, "kind of output", "a folder", "allowed: a file"));
-    }
-    match folder {
-        Some(folder) if !folder.is_dir() => Err(Error::file(
-            path,
-            "folder",
-            format!("{} (not there)", folder.display()),
-            "allowed: an existing one",
-        )),
-        _ => Ok(()),
-    }
-}
-
-/// Refuses an output that would take the place of a file which is read.
-///
-/// # Errors
-/// When `output` is one of the `inputs`, by whatever name.
-pub(super) fn keep_inputs(output: &Path, inputs: &[&Path]) -> Result<()> {
-    let same = |input: &&&Path| {
-        let real = |path: &Path| std::fs::canonicalize(path).ok();
-        real(output).is_some_and(|output| real(input) == Some(output))
+    let number = |text: &str| {
+        text.trim().parse().map_err(|_| "allowed: a number, two with a comma between, or `none`".to_owned())
     };
-    match inputs.iter().find(same) {
-        Some(input) => {
-            let allowed = "allowed: another file than those that are read";
-            Err(Error::file(output, "output", format!("the same file as {}", input.display()), allowed))
-        }
-        None => Ok(()),
+    match text.split_once(',') {
+        None => number(text).map(Nodata::Value),
+        Some((one, other)) => Ok(Nodata::Either([number(one)?, number(other)?])),
     }
 }
 
@@ -357,23 +328,7 @@ mod tests {
         }
         assert_eq!(nodata("none"), Ok(Nodata::None));
         assert_eq!(nodata("-9999"), Ok(Nodata::Value(-9999.0)));
-        assert!(nodata("void").is_err());
-    }
-
-    #[test]
-    fn outputs_that_cannot_be_written_are_refused_beforehand() {
-        let folder = tempfile::tempdir().unwrap();
-        check_output(&folder.path().join("a.png")).unwrap();
-        check_output(Path::new("a.png")).unwrap();
-        assert!(check_output(folder.path()).unwrap_err().to_string().contains("a folder"));
-        let missing = check_output(&folder.path().join("no/a.png")).unwrap_err().to_string();
-        assert!(missing.contains("a.png") && missing.contains("not there"), "{missing}");
-
-        let (dem, other) = (folder.path().join("dem.tif"), folder.path().join("other.tif"));
-        std::fs::write(&dem, b"heights").unwrap();
-        keep_inputs(&other, &[&dem]).unwrap();
-        let by_another_name = folder.path().join(".").join("dem.tif");
-        let message = keep_inputs(&by_another_name, &[&other, &dem]).unwrap_err().to_string();
-        assert!(message.contains("the same file as") && message.contains("dem.tif"), "{message}");
+        assert_eq!(nodata("-32768,32767"), Ok(Nodata::Either([-32768.0, 32767.0])));
+        assert!(nodata("void").is_err() && nodata("1,").is_err() && nodata("1,2,3").is_err());
     }
 }

@@ -1,6 +1,8 @@
 //! `data`: a folder of terrain and its manifest.
 
 use super::Context;
+use super::args::tell;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::manifest::{Area, FILE_NAME, Manifest};
 use crate::error::Result;
 use std::path::{Path, PathBuf};
@@ -75,14 +77,17 @@ fn add(args: &AddArgs, context: &Context) -> Result<()> {
     let beside = || args.file.parent().map(Path::to_owned).unwrap_or_default().join(FILE_NAME);
     let manifest = args.manifest.clone().unwrap_or_else(beside);
     let stem = || args.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Outputs::new().writes("--manifest", &manifest, OutputKind::Toml).reads(&args.file).check()?;
     let name = args.name.clone().unwrap_or_else(stem);
     let folder = manifest.parent().map(Path::to_owned).unwrap_or_default();
+    let (area, description) = Area::of_file(&name, &args.file, &folder)?;
+    tell(&args.file, &description, &context.console);
     let entry = Area {
         what: args.what.clone(),
         source: args.source.clone(),
         licence: args.licence.clone(),
         note: args.note.clone(),
-        ..Area::of_file(&name, &args.file, &folder)?
+        ..area
     };
     entry.add_to(&manifest)?;
     context.console.line(format!("{}: added\n{}", manifest.display(), entry.to_toml().trim_end()));
@@ -92,7 +97,8 @@ fn add(args: &AddArgs, context: &Context) -> Result<()> {
 fn list(path: &Path, context: &Context) -> Result<()> {
     let manifest = Manifest::read_file(path)?;
     for area in &manifest.areas {
-        let dem = manifest.load(&area.name)?;
+        let (dem, description) = manifest.load_described(&area.name)?;
+        tell(&area.file, &description, &context.console);
         let ((rows, cols), (low, high)) = (dem.shape(), dem.range());
         let side = dem.cell_size().mean();
         context.console.line(format!(

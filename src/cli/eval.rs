@@ -2,22 +2,21 @@
 
 use super::Context;
 use super::args::DemInput;
+use super::outputs::{OutputKind, Outputs};
+use crate::dem::Dem;
 use crate::dem::io::{self, WriteOptions};
-use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
-use crate::experiment::{
-    Evaluation, EvaluationConfig, Line, PATCH, Rebuilt, aggregate, evaluate, patch_cells, to_csv,
+use crate::evaluate::{
+    Evaluation, EvaluationConfig, PATCH, Rebuilt, SystemSummary, aggregate, evaluate, patch_cells, to_csv,
 };
 use crate::file;
 use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::{aspect_distance, copy_audit, geomorphon_distance, sliced_wasserstein};
 use crate::sketch::Sketch;
 use crate::sketch::geojson::{self, HeightUnit};
-use crate::systems::region_gnn::Style;
-use crate::systems::region_gnn::style::fingerprint;
-use crate::systems::registry;
+use crate::style::{Registry, Style, fingerprint};
+use crate::viz::report::{Column, Entry, Table};
 use rayon::prelude::*;
-use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -69,9 +68,16 @@ pub(super) struct EvalArgs {
 /// # Errors
 /// Whatever is wrong with the style, the DEM, a patch or an output path.
 pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
-    let style = Style::load(&args.style)?;
+    Outputs::new()
+        .writes("--csv", &args.csv, OutputKind::Csv)
+        .writes("--json", &args.json, OutputKind::Json)
+        .writes("--save", &args.save, OutputKind::Folder)
+        .reads(&args.style)
+        .reads(&args.dem.dem)
+        .check()?;
+    let style = context.registry.load(&args.style)?;
     let dem = args.dem.load(&context.console)?;
-    let systems = registry::select(&style, &args.systems)?;
+    let systems = context.registry.select(&style, &args.systems)?;
     let origins = patches(&args.patches, &dem)?;
     let (origins, overlapping) = without_exemplar(&style, &dem, origins);
     if overlapping > 0 {
@@ -90,29 +96,29 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
         return Err(Error::value("patches", &args.patches, allowed));
     }
     let config = EvaluationConfig {
-        extraction: style.info.config.extraction.clone(),
+        extraction: style.origin.extraction.clone(),
         sketch_order: args.sketch_order,
         sketch_accumulation: args.sketch_accumulation,
     };
     let progress = context.console.progress(origins.len() as u64, "patches");
     let evaluation = evaluate(&dem, &origins, &systems, &config, context.seed, true, || progress.advance(1))?;
     drop(progress);
-    let kinds = kinds(&evaluation, &style, &dem)?;
+    let likenesses = likenesses(&evaluation, &style, &context.registry, &dem)?;
     if let Some(path) = &args.csv {
-        file::write_bytes(path, to_csv(&evaluation.rows).as_bytes())?;
+        file::write_bytes(path, to_csv(&evaluation.rows)?.as_bytes())?;
     }
     if let Some(path) = &args.json {
         let mut json = as_json(&evaluation);
-        json["kinds"] = serde_json::json!(kinds);
+        json["kinds"] = serde_json::json!(likenesses);
         file::write_bytes(path, format!("{json:#}\n").as_bytes())?;
     }
     if let Some(folder) = &args.save {
         for patch in &evaluation.patches {
-            save(patch, folder, dem.cell_size())?;
+            save(patch, folder, &dem)?;
         }
     }
     context.console.line(table(&aggregate(&evaluation.rows)));
-    context.console.line(kind_table(&kinds));
+    context.console.line(likeness_table(&likenesses));
     for row in evaluation.rows.iter().filter(|row| row.error.is_some()) {
         let error = row.error.as_deref().unwrap_or_default();
         context.console.warning(format!("patch {},{}, {}: {error}", row.row, row.col, row.system));
@@ -137,7 +143,7 @@ fn patches(text: &str, dem: &Dem) -> Result<Vec<Cell>> {
 
 /// Leaves out patches that share cells with the exemplar, when this is the DEM that it was cut from.
 fn without_exemplar(style: &Style, dem: &Dem, origins: Vec<Cell>) -> (Vec<Cell>, usize) {
-    let e = &style.info.exemplar;
+    let e = &style.origin.exemplar;
     if fingerprint(dem) != e.source_sha256 {
         return (origins, 0);
     }
@@ -168,7 +174,7 @@ fn as_json(evaluation: &Evaluation) -> serde_json::Value {
 
 /// Whether a system's terrain is of the true kind: means over the patches where a value exists, none where it nowhere does.
 #[derive(Debug, serde::Serialize)]
-struct Kind {
+struct Likeness {
     system: String,
     sliced_wasserstein: Option<f64>,
     aspect_distance: Option<f64>,
@@ -177,18 +183,23 @@ struct Kind {
     copied_share: Option<f64>,
 }
 
-/// The kinds of all systems that rebuilt a patch. What a patch has no answer to (level ground faces nowhere) is left out
+/// The likeness of all systems that rebuilt a patch. What a patch has no answer to (level ground faces nowhere) is left out
 /// there: the scores of an evaluation are not lost for it.
-fn kinds(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Kind>> {
-    let e = &style.info.exemplar;
+fn likenesses(
+    evaluation: &Evaluation,
+    style: &Style,
+    registry: &Registry,
+    dem: &Dem,
+) -> Result<Vec<Likeness>> {
+    let e = &style.origin.exemplar;
     let exemplar = if fingerprint(dem) == e.source_sha256 {
         Some(dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?).filter(|window| window.void_count() == 0)
     } else {
         None
     };
     let names = evaluation.patches.first().map(|patch| &patch.outputs).into_iter().flatten();
-    let kind = |(i, (name, _)): (usize, &(String, Option<Grid<f32>>))| {
-        let audited = exemplar.as_ref().filter(|_| name.starts_with("gnn"));
+    let likeness = |(i, (name, _)): (usize, &(String, Option<Grid<f32>>))| {
+        let audited = exemplar.as_ref().filter(|_| registry.has_learned(name));
         let of_patch = |patch: &Rebuilt| -> Option<[Option<f64>; 4]> {
             let output = patch.outputs[i].1.as_ref()?;
             let (truth, valid) = (&patch.truth, &patch.valid);
@@ -205,9 +216,15 @@ fn kinds(evaluation: &Evaluation, style: &Style, dem: &Dem) -> Result<Vec<Kind>>
         };
         let found: Vec<_> = evaluation.patches.par_iter().filter_map(of_patch).collect();
         let [sliced_wasserstein, aspect_distance, geomorphon_distance, copied_share] = means(&found);
-        Kind { system: name.clone(), sliced_wasserstein, aspect_distance, geomorphon_distance, copied_share }
+        Likeness {
+            system: name.clone(),
+            sliced_wasserstein,
+            aspect_distance,
+            geomorphon_distance,
+            copied_share,
+        }
     };
-    Ok(names.enumerate().map(kind).collect())
+    Ok(names.enumerate().map(likeness).collect())
 }
 
 /// The mean of every column over the rows that have a value in it.
@@ -218,26 +235,26 @@ fn means<const N: usize>(rows: &[[Option<f64>; N]]) -> [Option<f64>; N] {
     })
 }
 
-/// One line a system.
-fn kind_table(kinds: &[Kind]) -> String {
-    let width = kinds.iter().map(|k| k.system.len()).max().unwrap_or(0).max("system".len());
-    let mut text = format!(
-        "{:width$}  {:>12}  {:>12}  {:>12}  {:>8}",
-        "system", "patch dist", "aspect dist", "landforms", "copied"
-    );
-    let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
-    for k in kinds {
-        let copied = k.copied_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share));
-        let [patches, aspect, landforms] =
-            [k.sliced_wasserstein, k.aspect_distance, k.geomorphon_distance].map(number);
-        let _ =
-            write!(text, "\n{:width$}  {patches:>12}  {aspect:>12}  {landforms:>12}  {copied:>8}", k.system);
-    }
-    text
+/// One line per system.
+fn likeness_table(rows: &[Likeness]) -> String {
+    let columns = [
+        Column::text("system"),
+        Column::number("patch dist", 4),
+        Column::number("aspect dist", 4),
+        Column::number("landforms", 4),
+        Column::number("copied", 1).unit("%"),
+    ];
+    let table = rows.iter().fold(Table::new(columns), |table, row| {
+        let distances = [row.sliced_wasserstein, row.aspect_distance, row.geomorphon_distance];
+        let copied = row.copied_share.map(|share| 100.0 * share);
+        let numbers = distances.into_iter().chain([copied]).map(Entry::from);
+        table.row(std::iter::once(Entry::from(row.system.as_str())).chain(numbers))
+    });
+    table.text()
 }
 
-/// Mean ± standard deviation of the main scores, one line a system.
-pub(super) fn table(lines: &[Line]) -> String {
+/// Mean ± standard deviation of the main scores, one line per system.
+pub(super) fn table(systems: &[SystemSummary]) -> String {
     const COLUMNS: [(&str, &str, usize); 8] = [
         ("ssim", "SSIM", 4),
         ("psnr", "PSNR dB", 2),
@@ -248,41 +265,39 @@ pub(super) fn table(lines: &[Line]) -> String {
         ("ridge_f1", "ridge F1", 3),
         ("valley_f1", "valley F1", 3),
     ];
-    let width = lines.iter().map(|l| l.system.len()).max().unwrap_or(0).max("system".len());
-    let mut text = format!("{:width$}   n", "system");
-    for (_, title, _) in COLUMNS {
-        let _ = write!(text, "  {title:>16}");
-    }
-    let _ = write!(text, "  {:>8}", "s/patch");
-    for line in lines {
-        let _ = write!(text, "\n{:width$} {:3}", line.system, line.patches);
-        for (name, _, decimals) in COLUMNS {
-            let cell = line
-                .summary
-                .get(name)
-                .map_or_else(|| "-".to_owned(), |s| format!("{:.decimals$} ± {:.decimals$}", s.mean, s.sd));
-            let _ = write!(text, "  {cell:>16}");
-        }
-        let _ = write!(text, "  {:8.2}", line.seconds);
-        if line.failed > 0 {
-            let _ = write!(text, "  {} failed", line.failed);
-        }
-    }
-    text
+    let with_failures = systems.iter().any(|s| s.failed > 0);
+    let mut columns = vec![Column::text("system"), Column::number("n", 0)];
+    columns.extend(COLUMNS.map(|(_, title, decimals)| Column::number(title, decimals)));
+    columns.push(Column::number("s/patch", 2));
+    columns.extend(with_failures.then(|| Column::number("failed", 0)));
+    let table = systems.iter().fold(Table::new(columns), |table, s| {
+        let mut row = vec![Entry::from(s.system.as_str()), Entry::from(s.patches)];
+        row.extend(COLUMNS.map(|(name, ..)| Entry::from(s.summary.get(name).map(|s| (s.mean, s.sd)))));
+        row.push(Entry::from(s.seconds));
+        row.extend(with_failures.then(|| Entry::from(s.failed)));
+        table.row(row)
+    });
+    table.text()
 }
 
-/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres.
-fn save(patch: &Rebuilt, folder: &Path, cell_size: CellSize) -> Result<()> {
+/// `DIR/ROW_COL/`: truth.tif, sketch.geojson and SYSTEM.tif in metres, where the patch lies in `dem`.
+fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
+    let place = dem.georeference().map(|g| g.shifted(patch.origin.row, patch.origin.col));
     let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));
     fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
     let metres = |unit: &Grid<f32>, valid: Mask| -> Result<Dem> {
         let heights = unit.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
-        Dem::with_voids(heights, valid, cell_size)
+        Ok(Dem::with_voids(heights, valid, dem.cell_size())?.at(place))
     };
     let options = WriteOptions::default();
     io::write(&metres(&patch.truth, patch.valid.clone())?, &folder.join("truth.tif"), &options)?;
     let lines = patch.lines.map_heights(|z| patch.normalization.to_metres(f64::from(z)) as f32);
-    geojson::write(&folder.join("sketch.geojson"), &Sketch::trace(&lines), HeightUnit::Metres, None)?;
+    geojson::write(
+        &folder.join("sketch.geojson"),
+        &Sketch::trace(&lines),
+        HeightUnit::Metres,
+        place.as_ref(),
+    )?;
     for (name, output) in &patch.outputs {
         if let Some(output) = output {
             let everywhere = output.map(|_| true);
@@ -304,14 +319,14 @@ mod tests {
 
     #[test]
     fn a_value_that_does_not_exist_is_a_dash() {
-        let kind = Kind {
+        let row = Likeness {
             system: "laplace".to_owned(),
             sliced_wasserstein: Some(0.25),
             aspect_distance: None,
             geomorphon_distance: None,
             copied_share: None,
         };
-        let text = kind_table(&[kind]);
+        let text = likeness_table(&[row]);
         let cells: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
         assert_eq!(cells, ["laplace", "0.2500", "-", "-", "-"]);
     }

@@ -1,13 +1,19 @@
 //! `experiment`: comparisons as data files, their records and reports.
 
 use super::Context;
-use super::console::{Progress, spoken};
+use super::console::Progress;
+use super::outputs::{OutputKind, Outputs};
 use crate::error::{Error, Result};
+use crate::experiment::areas::Terrain;
+use crate::experiment::documents::{self, Form};
+use crate::experiment::events::Event;
 use crate::experiment::record::Record;
-use crate::experiment::resolve::{Terrain, resolve};
-use crate::experiment::run::{Event, RunOptions, run as run_experiment};
-use crate::experiment::{ExperimentSpec, bounds, markdown, report};
+use crate::experiment::resolve::resolve;
+use crate::experiment::run::{RunOptions, run as run_experiment};
+use crate::experiment::{ExperimentSpec, bounds, report};
 use crate::file;
+use crate::viz::duration;
+use crate::viz::report::{Column, Table};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -19,7 +25,7 @@ Examples:
   monadnock experiment run experiments/full/neighbours.toml --data ../shared/data --jobs 2
   monadnock experiment run experiments/full/sparse.toml --data ../shared/data --styles /tmp/styles
   monadnock experiment run experiments/full/neighbours.toml --quick
-  monadnock experiment report experiments/full/neighbours.toml --splice README.md
+  monadnock experiment report experiments/full/neighbours.toml --splice docs/results.md
   monadnock experiment report all
 
 The record of experiments/full/X.toml is in experiments/records/X, that of a quick one in experiments/records/quick/X, of any
@@ -40,6 +46,8 @@ enum Action {
     Run(RunArgs),
     /// Write the report of a record again, and its tables into a document
     Report(ReportArgs),
+    /// Keep of a record what a repository should hold: a summary, compressed tables, the resolved experiment
+    Pack(PackArgs),
     /// List the experiments of a folder and how far their records are
     List(ListArgs),
 }
@@ -60,7 +68,7 @@ struct RunArgs {
     /// The record's folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Begin anew, whatever the record holds
+    /// Start over, whatever the record holds
     #[arg(long)]
     restart: bool,
     /// The folder of trained styles: what one experiment has trained, others need not (default: in the record)
@@ -84,6 +92,15 @@ struct ReportArgs {
 }
 
 #[derive(clap::Args)]
+struct PackArgs {
+    /// The experiment, or `all` of the folder experiments/full that have a record
+    file: PathBuf,
+    /// The record's folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
 struct ListArgs {
     /// The folder with the folders `full` and `quick`
     #[arg(default_value = "experiments")]
@@ -98,6 +115,11 @@ pub(super) fn run(args: &ExperimentArgs, context: &Context) -> Result<()> {
     match &args.action {
         Action::Run(args) => start(args, context),
         Action::Report(args) => reports(args, context),
+        Action::Pack(args) => each_record(&args.file, args.out.as_deref(), |_, record| {
+            record.pack(&documents::of_record(record, Form::Markdown)?)?;
+            context.console.line(format!("packed {}", record.path("").display()));
+            Ok(())
+        }),
         Action::List(args) => list(&args.folder, context),
     }
 }
@@ -135,14 +157,19 @@ fn twin(path: &Path) -> Result<PathBuf> {
 fn start(args: &RunArgs, context: &Context) -> Result<()> {
     let path = if args.quick { twin(&args.file)? } else { args.file.clone() };
     let spec = ExperimentSpec::read(&path)?;
-    let terrain = Terrain::new(args.data.as_deref())?;
-    let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
     let repeats = path.file_name().is_some_and(|name| name == "resolved.toml");
     if repeats && args.out.is_none() {
         let allowed = "allowed: with --out DIR, so that the record that is repeated stays as it is";
         return Err(Error::file(&path, "--out", "missing", allowed));
     }
     let out = record_of(&path, args.out.as_deref());
+    Outputs::new()
+        .writes("--out", &out, OutputKind::Folder)
+        .writes("--styles", &args.styles, OutputKind::Folder)
+        .reads(&args.peers)
+        .check()?;
+    let terrain = Terrain::new(args.data.as_deref())?;
+    let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
     file::create_folder(&out)?;
     let options = RunOptions {
         out: out.clone(),
@@ -159,8 +186,8 @@ fn start(args: &RunArgs, context: &Context) -> Result<()> {
     }
     let page = report::write(&record)?;
     let console = &context.console;
-    console.line(markdown::of_record(&record)?.trim_end());
-    let spent = spoken(Duration::from_secs_f64(outcome.seconds));
+    console.line(documents::of_record(&record, Form::Text)?.trim_end());
+    let spent = duration(Duration::from_secs_f64(outcome.seconds));
     console.line(format!("{} rows, {} failed, {spent}; {}", outcome.rows, outcome.failed, page.display()));
     if outcome.seconds > 60.0 * spec.budget_minutes {
         console.warning(format!("{spent} are more than the budget of {} minutes", spec.budget_minutes));
@@ -212,36 +239,45 @@ impl Watch<'_> {
 }
 
 fn reports(args: &ReportArgs, context: &Context) -> Result<()> {
-    let one = |path: &Path, out: Option<&Path>| -> Result<()> {
-        let record = Record::new(&record_of(path, out));
-        let page = report::write(&record)?;
-        context.console.line(page.display().to_string());
+    Outputs::new().writes("--splice", &args.splice, OutputKind::Document).check()?;
+    let markers = args.splice.as_deref().map(documents::markers).transpose()?;
+    each_record(&args.file, args.out.as_deref(), |path, record| {
+        context.console.line(report::write(record)?.display().to_string());
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        if let Some(document) = &args.splice {
-            let wanted = markdown::markers(document)?;
-            if args.file.as_os_str() != "all" || wanted.contains(&name) {
-                let changed = markdown::splice(document, &name, &markdown::of_record(&record)?)?;
-                let word = if changed { "tables written" } else { "unchanged" };
-                context.console.line(format!("{}: {name}: {word}", document.display()));
-            }
+        let (Some(document), Some(markers)) = (&args.splice, &markers) else { return Ok(()) };
+        let of_this = |marker: &&String| documents::experiment_of(marker) == name;
+        let mut wanted: Vec<&str> = markers.iter().filter(of_this).map(String::as_str).collect();
+        if wanted.is_empty() && args.file.as_os_str() != "all" {
+            // Says that the document has no place for it.
+            wanted.push(&name);
+        }
+        for marker in wanted {
+            let changed = documents::splice(document, marker, &documents::of_marker(record, marker)?)?;
+            let word = if changed { "tables written" } else { "unchanged" };
+            context.console.line(format!("{}: {marker}: {word}", document.display()));
         }
         Ok(())
-    };
-    if args.file.as_os_str() != "all" {
-        return one(&args.file, args.out.as_deref());
+    })
+}
+
+/// Does `act` with the record of an experiment file, or with those of all finished ones in experiments/full.
+fn each_record(file: &Path, out: Option<&Path>, act: impl Fn(&Path, &Record) -> Result<()>) -> Result<()> {
+    if file.as_os_str() != "all" {
+        let folder = record_of(file, out);
+        Outputs::new().writes("--out", &folder, OutputKind::Folder).check()?;
+        return act(file, &Record::new(&folder));
     }
-    if let Some(out) = &args.out {
+    if let Some(out) = out {
         return Err(Error::value("--out", out.display(), "allowed: with one experiment, not with all"));
     }
     let folder = Path::new("experiments/full");
-    let files = experiments(folder)?;
-    let finished: Vec<&PathBuf> =
-        files.iter().filter(|path| record_of(path, None).join("scores.csv").is_file()).collect();
+    let records = experiments(folder)?.into_iter().map(|path| (Record::new(&record_of(&path, None)), path));
+    let finished: Vec<(Record, PathBuf)> = records.filter(|(record, _)| record.has("scores.csv")).collect();
     if finished.is_empty() {
         let allowed = "at least one record is needed: `monadnock experiment run FILE` writes it";
         return Err(Error::file(folder, "records", 0, allowed));
     }
-    finished.into_iter().try_for_each(|path| one(path, None))
+    finished.iter().try_for_each(|(record, path)| act(path, record))
 }
 
 /// The experiment files of a folder.
@@ -251,35 +287,29 @@ fn experiments(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 fn list(folder: &Path, context: &Context) -> Result<()> {
-    let mut found = 0;
+    let heads = ["file", "kind", "areas", "seeds", "minutes", "record"];
+    let (mut table, mut found) = (Table::new(heads.map(Column::text)), 0);
     for kind in ["full", "quick"] {
         for path in experiments(&folder.join(kind))? {
             let spec = ExperimentSpec::read(&path)?;
             let record = Record::new(&record_of(&path, None));
-            let state = match (record.path("scores.csv").is_file(), record.path("journal.csv").is_file()) {
-                (true, _) => {
-                    let scores = record.scores()?;
-                    let kept =
-                        bounds::check(&record.spec()?, &scores)?.iter().filter(|v| v.is_kept()).count();
-                    format!(
-                        "{} rows, {kept} of {} bounds kept",
-                        scores.rows.len(),
-                        record.spec()?.bound.len()
-                    )
-                }
-                (false, true) => "interrupted".to_owned(),
-                (false, false) => "not run".to_owned(),
+            let state = if record.has("scores.csv") {
+                let (was_run, scores) = (record.spec()?, record.scores()?);
+                let kept = bounds::check(&was_run, &scores)?.iter().filter(|v| v.is_kept()).count();
+                format!("{} rows, {kept} of {} bounds kept", scores.rows.len(), was_run.bound.len())
+            } else if record.has("journal.csv") {
+                "interrupted".to_owned()
+            } else {
+                "not run".to_owned()
             };
-            context.console.line(format!(
-                "{:32} {:15} {} areas, {} seeds, {} min  {state}\n{:32} {}",
-                path.display(),
-                spec.kind.name(),
-                spec.area.len(),
-                spec.seeds.len(),
-                spec.budget_minutes,
-                "",
-                spec.title
-            ));
+            table = table.row([
+                path.display().to_string(),
+                spec.kind.to_string(),
+                spec.area.len().to_string(),
+                spec.seeds.len().to_string(),
+                spec.budget_minutes.to_string(),
+                state,
+            ]);
             found += 1;
         }
     }
@@ -287,5 +317,6 @@ fn list(folder: &Path, context: &Context) -> Result<()> {
         let allowed = "allowed: a folder with full/*.toml or quick/*.toml";
         return Err(Error::file(folder, "experiments", 0, allowed));
     }
+    context.console.line(table.text());
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! `extract`: terrain to the sketch that a hand would draw of it.
 
 use super::args::{self, CropOption, DemInput};
+use super::outputs::{OutputKind, Outputs};
 use super::{Context, info};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
@@ -56,8 +57,11 @@ pub(super) struct ExtractArgs {
 }
 
 pub(super) fn run(args: &ExtractArgs, context: &Context) -> Result<()> {
-    args::check_output(&args.output)?;
-    args::keep_inputs(&args.output, &[&args.input.dem])?;
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Sketch)
+        .reads(&args.input.dem)
+        .reads(&args.config)
+        .check()?;
     let config = args.config()?;
     let dem = args.input.load(&context.console)?;
     let (dem, lines) = args.lines_of(dem, &config)?;

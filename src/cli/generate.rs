@@ -1,17 +1,19 @@
 //! `monadnock generate`: a style and a sketch become terrain.
 
 use super::Context;
-use super::args::{check_output, elevation, keep_inputs, size};
-use super::sketch_input::{in_metres, read_sized};
+use super::args::elevation;
+use super::console::Console;
+use super::outputs::{OutputKind, Outputs};
+use super::sketch_input::{SketchOptions, in_metres};
+use super::sketch_map::MapOptions;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 use crate::machine;
-use crate::sketch::LineMap;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
-use crate::systems::pipeline::{add_detail, detail_of, no_detail};
-use crate::systems::region_gnn::Style;
+use crate::sketch::{LineMap, Sketch};
+use crate::style::{Style, add_detail};
 use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +25,8 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.png --elevation 800,2400
   monadnock generate sierra.safetensors --sketch volcano-ring -o large.tif --size 256x256
   monadnock generate sierra.safetensors --sketch mine.geojson -o smooth.tif --no-detail
+  monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --like alps.tif
+  monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --bounds strokes
   monadnock --seed 2 generate sierra.safetensors --sketch mine.geojson -o other.tif --detail-strength 0.6
 
 Sketch heights are metres, or 0 to 1 of the style's range when the file says \"unit\": \"normalised\".
@@ -32,6 +36,9 @@ taken as drawn on a map of that size, from its north-west corner; without --size
 Strokes keep their heights. Between them the style's detail adds the small forms, where the style has one; every --seed draws
 others. A mask says where detail is wanted: a terrain file of the map's size whose heights are above 0.5 there (a PNG is white
 there).
+
+A sketch drawn in a geographic information system is laid on a map with --like DEM or --bounds. One with a place has the cell
+size on the ground that its coordinates give; one without has the style's.
 
 The output's format follows its ending: .tif (float32), .png (16 bits), .npy, .asc.")]
 pub(super) struct GenerateArgs {
@@ -44,9 +51,6 @@ pub(super) struct GenerateArgs {
     /// The terrain to write
     #[arg(short, long)]
     output: PathBuf,
-    /// Cells of the map, as HEIGHTxWIDTH or one side: a sketch drawn on another size is scaled, heights stay
-    #[arg(long, value_name = "HxW", value_parser = size)]
-    size: Option<(usize, usize)>,
     /// Elevations in metres that stand for the exemplar's lowest and highest height
     #[arg(long, value_name = "MIN,MAX", value_parser = elevation, allow_hyphen_values = true)]
     elevation: Option<Normalization>,
@@ -59,6 +63,13 @@ pub(super) struct GenerateArgs {
     /// Fill in missing heights along each stroke from the given ones
     #[arg(long)]
     interpolate_heights: bool,
+    /// Metres in one unit of the sketch's heights (0.3048 for feet); overrules the file
+    #[arg(long, value_name = "M", value_parser = metres_per_unit, allow_hyphen_values = true)]
+    metres_per_unit: Option<f64>,
+    #[command(flatten)]
+    map: MapOptions,
+    #[command(flatten)]
+    reading: SketchOptions,
     #[command(flatten)]
     detail: DetailOptions,
 }
@@ -81,7 +92,7 @@ impl From<RandomHeightsName> for RandomHeights {
 /// What random lines are measured by, metres.
 pub(super) fn ground_of(style: &Style, range: Normalization) -> Ground {
     let metres = range.high() - range.low();
-    Ground { range: (range.low(), range.high()), slope: style.info.mean_slope.map(|slope| slope * metres) }
+    Ground { range: (range.low(), range.high()), slope: style.origin.mean_slope.map(|slope| slope * metres) }
 }
 
 const DETAIL: &str = "Detail";
@@ -115,13 +126,14 @@ impl DetailOptions {
         context: &Context,
     ) -> Result<Grid<f32>> {
         let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
-        let Some(detail) = detail_of(style)?.filter(|_| !self.no_detail) else {
-            return if asked { Err(no_detail()) } else { Ok(terrain) };
-        };
+        if self.no_detail || (style.detail.is_none() && !asked) {
+            return Ok(terrain);
+        }
+        let detail = style.needed_detail()?;
         let mask = self.detail_mask.as_deref().map(|path| mask(path, terrain.shape())).transpose()?;
         let how =
             DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() };
-        add_detail(&terrain, &detail, range, Some(lines), mask.as_ref(), &how, context.seed)
+        add_detail(&terrain, &**detail, range, Some(lines), mask.as_ref(), &how, context.seed, &context.stop)
     }
 }
 
@@ -129,7 +141,11 @@ impl DetailOptions {
 fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
     let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
     let elevation = png.then(|| Normalization::new(0.0, 1.0)).transpose()?;
-    let dem = io::read(path, &io::ReadOptions { elevation, ..Default::default() })?;
+    let dem = io::read(
+        path,
+        // Where it lies and how large its cells are does not count.
+        &io::ReadOptions { elevation, cell_size: Some(CellSize::square(1.0)?), ..Default::default() },
+    )?;
     if dem.shape() != shape {
         let (found, wanted) = (dem.shape(), shape);
         let found = format!("{}x{} cells", found.0, found.1);
@@ -143,23 +159,21 @@ fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
 /// # Errors
 /// Whatever is wrong with the style, the sketch or the output path.
 pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
-    let style = Style::load(&args.style)?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.style, &args.sketch])?;
-    io::check_name(&args.output)?;
-    let range = args.elevation.unwrap_or(style.info.normalization);
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Terrain)
+        .reads(&args.style)
+        .reads(&args.sketch)
+        .reads(args.map.like())
+        .check()?;
+    let style = context.registry.load(&args.style)?;
+    let range = args.elevation.unwrap_or(style.origin.normalization);
     let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Refuse };
-    let options = ReadOptions { missing_heights: missing, ..Default::default() };
-    let (reading, scaled_from) = read_sized(&args.sketch, args.size, &options)?;
-    for warning in &reading.warnings {
-        context.console.warning(format!("{}: {warning}", args.sketch.display()));
-    }
-    if let Some((rows, cols)) = scaled_from {
-        let (to_rows, to_cols) = (reading.sketch.rows, reading.sketch.cols);
-        let text = format!("drawn on {rows}x{cols} cells, scaled to {to_rows}x{to_cols}");
-        context.console.line(format!("{}: {text}", args.sketch.display()));
-    }
-    let sketch = in_metres(&reading, range);
+    let metres_per_unit = args.metres_per_unit;
+    let options = ReadOptions { missing_heights: missing, metres_per_unit, ..args.reading.options() };
+    let [x, y] = style.origin.exemplar.cell_size;
+    let placed = args.map.read(&args.sketch, &options, CellSize::new(x, y)?, &context.console)?;
+    let sketch = in_metres(&placed.reading, range);
+    warn_of_heights(&args.sketch, &sketch, range, args.elevation.is_some(), &context.console);
     check_memory(sketch.rows, sketch.cols, machine::available_memory())?;
     let sketch = match args.random_sketches {
         Some(nodes) => {
@@ -169,24 +183,51 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         None => sketch,
     };
     let lines = sketch.rasterize();
-    let terrain = style.generate(&lines, Some(range), context.seed)?;
+    let terrain = style.generate(&lines, Some(range), context.seed, &context.stop)?;
     let terrain = args.detail.add(&style, terrain, &lines, range, context).map_err(|e| match e {
         Error::Value { .. } => e.in_file(&args.style),
         other => other,
     })?;
-    let cell_size = match &reading.georeference {
-        // The transform's own steps, when they are metres.
-        Some(g) if g.epsg.is_none_or(|code| code != 4326) => {
-            CellSize::new(g.transform[0].hypot(g.transform[3]), g.transform[1].hypot(g.transform[4]))?
-        }
-        _ => CellSize::new(style.info.exemplar.cell_size[0], style.info.exemplar.cell_size[1])?,
-    };
-    let dem = Dem::new(terrain, cell_size)?.at(reading.georeference);
+    let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
     io::write(&dem, &args.output, &WriteOptions::default())?;
     let (low, high) = dem.range();
-    let (rows, cols) = dem.shape();
-    context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));
+    let ((rows, cols), side) = (dem.shape(), dem.cell_size().mean());
+    context.console.line(format!(
+        "{}: {rows}x{cols} cells of {side:.2} m, {low:.1} to {high:.1} m",
+        args.output.display()
+    ));
     Ok(())
+}
+
+fn metres_per_unit(text: &str) -> Result<f64, String> {
+    let metres = text.trim().parse::<f64>().ok().filter(|m| m.is_finite() && *m > 0.0);
+    metres.ok_or_else(|| "allowed: metres above 0, as in 0.3048".to_owned())
+}
+
+/// Heights farther out of a style's range than this share of its relief are worth a warning.
+const FAR_OUTSIDE: f64 = 1.0;
+
+/// Warns of heights that the style has never seen, and says when they would fit as feet.
+fn warn_of_heights(path: &Path, sketch: &Sketch, range: Normalization, is_given: bool, console: &Console) {
+    let Some((low, high)) = sketch.height_range() else { return };
+    let spare = FAR_OUTSIDE * (range.high() - range.low());
+    let fits = |low: f64, high: f64| low >= range.low() - spare && high <= range.high() + spare;
+    if fits(low, high) {
+        return;
+    }
+    const FOOT: f64 = 0.3048;
+    let remedy = if fits(low * FOOT, high * FOOT) {
+        "in feet they would fit: --metres-per-unit 0.3048"
+    } else {
+        "--elevation MIN,MAX moves the style's range, --metres-per-unit says what a unit is"
+    };
+    let whose = if is_given { "the range of --elevation" } else { "the style's range" };
+    console.warning(format!(
+        "{}: heights of {low:.1} to {high:.1} m lie far outside {whose}, {:.1} to {:.1} m: {remedy}",
+        path.display(),
+        range.low(),
+        range.high()
+    ));
 }
 
 /// What generation takes a cell, bytes: 1.1 to 1.3 kB were measured.

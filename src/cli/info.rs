@@ -4,13 +4,13 @@
 
 use super::Context;
 use super::args::{self, DemReading};
-use super::sketch_input::{bundled_sketch, read_sketch};
+use super::sketch_input::{SketchOptions, bundled_sketch, outline, read_sketch};
+use super::sketch_map::around_strokes;
 use crate::dem::io::{CellSizeSource, Format};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
-use crate::sketch::geojson::{HeightUnit, ReadOptions};
+use crate::sketch::geojson::{HeightUnit, MissingHeights, ReadOptions, SketchReading};
 use crate::sketch::{LineMap, Sketch, SketchGraph, StrokeKind, samples};
-use crate::systems::region_gnn::style;
 use serde_json::{Value, json};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ Examples:
   monadnock info lambda-ring
   monadnock info sierra.safetensors --json
 
-A file is a style when its name ends in .safetensors, a sketch when it holds JSON, and terrain otherwise.";
+What a file is follows from its content, whatever its name: JSON is a sketch, a safetensors header a style, the rest terrain.";
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -36,18 +36,23 @@ pub(super) struct InfoArgs {
     json: bool,
     #[command(flatten)]
     reading: DemReading,
+    #[command(flatten)]
+    sketch: SketchOptions,
 }
 
-/// Label and text of a line that is shown.
-pub(super) type Row = (String, String);
+/// Cells along the longer side of the map on which a sketch without one is looked at.
+const SHOWN_SIDE: usize = 512;
+
+/// Label and text of something that is known.
+pub(super) type Fact = (String, String);
 
 pub(super) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
     let (value, rows) = match content_of(&args.file)? {
         Content::Terrain => terrain(&args.file, &args.reading)?,
-        Content::Sketch => sketch(&args.file)?,
+        Content::Sketch => sketch(&args.file, args)?,
         Content::Style => {
             let mut value = json!({"kind": "style", "file": args.file.display().to_string()});
-            merge(&mut value, style::describe(&args.file)?);
+            merge(&mut value, context.registry.load(&args.file)?.describe()?);
             let rows = style_rows(&value);
             (value, rows)
         }
@@ -62,23 +67,37 @@ enum Content {
     Style,
 }
 
-/// What a file is: by name where that is clear, else by whether it starts like JSON.
+/// What a file is, by its content; an SRTM tile, which begins with any bytes, by its name.
 fn content_of(path: &Path) -> Result<Content> {
+    if bundled_sketch(path).is_some() {
+        return Ok(Content::Sketch);
+    }
+    if !path.exists() && args::bundled_name(path).is_none() {
+        return Err(nothing_there(path));
+    }
+    if !path.is_file() || Format::of_extension(path) == Some(Format::Hgt) {
+        return Ok(Content::Terrain);
+    }
+    const HEAD: u64 = 64;
+    let file = std::fs::File::open(path).map_err(Error::io(path, "open the file"))?;
+    let length = file.metadata().map_err(Error::io(path, "open the file"))?.len();
+    let mut start = Vec::new();
+    file.take(HEAD).read_to_end(&mut start).map_err(Error::io(path, "read the file"))?;
+    // The length of the header comes first, then the header, which is JSON.
+    if let Some((head, rest)) = start.split_first_chunk::<8>()
+        && rest.first() == Some(&b'{')
+        && u64::from_le_bytes(*head) <= length
+    {
+        return Ok(Content::Style);
+    }
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start).trim_ascii_start();
     let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    Ok(match extension.as_deref() {
-        Some("safetensors") => Content::Style,
-        Some("geojson" | "json") => Content::Sketch,
-        _ if bundled_sketch(path).is_some() => Content::Sketch,
-        _ if !path.exists() && args::bundled_name(path).is_none() => return Err(nothing_there(path)),
-        _ if Format::of_extension(path).is_some() || !path.is_file() => Content::Terrain,
-        _ => {
-            const HEAD: u64 = 64;
-            let file = std::fs::File::open(path).map_err(Error::io(path, "open the file"))?;
-            let mut start = Vec::new();
-            file.take(HEAD).read_to_end(&mut start).map_err(Error::io(path, "read the file"))?;
-            let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start).trim_ascii_start();
-            if text.first() == Some(&b'{') { Content::Sketch } else { Content::Terrain }
-        }
+    Ok(match (text.first(), extension.as_deref()) {
+        (Some(b'{' | b'['), _) => Content::Sketch,
+        // Damaged files of a clear name: their readers say what is wrong.
+        (_, Some("safetensors")) if Format::of_content(&start).is_none() => Content::Style,
+        (_, Some("geojson" | "json")) if Format::of_content(&start).is_none() => Content::Sketch,
+        _ => Content::Terrain,
     })
 }
 
@@ -92,7 +111,7 @@ fn nothing_there(path: &Path) -> Error {
     Error::file(path, "file", "not there", allowed)
 }
 
-fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
+fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
     let (dem, description) = reading.read(path)?;
     let tile = args::bundled_name(path).and_then(|name| bundled::manifest().iter().find(|t| t.name == name));
     let (rows, cols) = dem.shape();
@@ -113,6 +132,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
         "coordinates": description.coordinates,
         "georeference": dem.georeference(),
         "notes": description.notes,
+        "warnings": description.warnings,
         "bundled": tile,
     });
     let packing =
@@ -120,6 +140,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
     let source = match description.cell_size_source {
         CellSizeSource::File => "",
         CellSizeSource::Caller => ", as given",
+        CellSizeSource::AssumedUnit => ", if its unit is the metre: the file does not say",
         CellSizeSource::Assumed => ", assumed: the file does not say",
     };
     let side = if x == y { metres(x) } else { format!("{} west-east, {} north-south", metres(x), metres(y)) };
@@ -146,6 +167,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Row>)> {
         ));
     }
     table.extend(description.notes.iter().map(|note| row("note", note)));
+    table.extend(description.warnings.iter().map(|warning| row("warning", warning)));
     if let Some(tile) = tile {
         table.push(row("place", &tile.title));
         table.push(row("source", format!("{} ({})", tile.source, tile.licence)));
@@ -160,12 +182,32 @@ fn mean_height(dem: &Dem) -> f64 {
     sum / count as f64 // never 0: a DEM has a valid cell
 }
 
-fn sketch(path: &Path) -> Result<(Value, Vec<Row>)> {
-    let reading = read_sketch(path, &ReadOptions::default())?;
+fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
+    let options = ReadOptions {
+        metres_per_unit: args.reading.options().metres_per_unit,
+        missing_heights: MissingHeights::Leave,
+        ..args.sketch.options()
+    };
+    let outline = outline(path, &options)?;
+    let reading = match around_strokes(&outline, SHOWN_SIDE) {
+        // Drawn in a geographic information system, which knows no map.
+        Some((size, georeference)) if outline.is_placed && !outline.has_place && !args.sketch.pixels => {
+            let own = ReadOptions { size: Some(size), georeference: Some(georeference), ..options };
+            let mut reading = read_sketch(path, &own)?;
+            reading.warnings.push(
+                "The file describes no map: figures are for one of 512 cells around its strokes. `generate` lays it on a \
+                 map with --like DEM or --bounds."
+                    .to_owned(),
+            );
+            reading
+        }
+        _ => read_sketch(path, &options)?,
+    };
+    let open: usize = reading.given.iter().flatten().filter(|given| !**given).count();
     let sketch = &reading.sketch;
     let lines = sketch.rasterize();
     let graph = SketchGraph::of(&lines);
-    let (low, high) = sketch.height_range().unwrap_or_default(); // a sketch that was read has a stroke
+    let (low, high) = given_range(&reading).unwrap_or_default();
     let one = |kind| {
         let figures = KindFigures::of(sketch, &lines, &graph, kind);
         json!({
@@ -190,25 +232,53 @@ fn sketch(path: &Path) -> Result<(Value, Vec<Row>)> {
         "line_cells": lines.line_count(),
         "share_of_cells": lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64,
         "georeference": reading.georeference,
+        "bounds": outline.bounds,
+        "vertices_without_height": open,
         "warnings": reading.warnings,
     });
     let heights = match reading.unit {
+        _ if given_range(&reading).is_none() => "none".to_owned(),
         HeightUnit::Metres => format!("{} to {}", metres(low), metres(high)),
         HeightUnit::Normalised => format!("{low:.3} to {high:.3} of the style's range (0 to 1)"),
     };
     let coordinates = match reading.georeference {
         None => "columns and rows".to_owned(),
-        Some(g) => g.epsg.map_or_else(|| "a local system".to_owned(), |code| format!("EPSG:{code}")),
+        Some(g) => g.coordinates_in_words(),
     };
+    // A place that no size follows from is no failure of looking at it.
+    let ground = reading.georeference.and_then(|g| g.ground((sketch.rows, sketch.cols)).ok());
     let mut table = vec![
         row("sketch", path.display()),
         row("map", format!("{} rows x {} columns", sketch.rows, sketch.cols)),
         row("heights", heights),
         row("coordinates", coordinates),
     ];
+    if let Some(size) = ground.map(|ground| ground.cell_size) {
+        let (x, y) = (size.x(), size.y());
+        let square = size.is_square();
+        let side = if square {
+            metres(size.mean())
+        } else {
+            format!("{} west-east, {} north-south", metres(x), metres(y))
+        };
+        table.push(row("cell size", side));
+    }
+    if open > 0 {
+        let all = reading.given.iter().flatten().count();
+        table.push(row("without height", format!("{open} of {all} vertices")));
+    }
     table.extend(lines_rows(sketch, &lines));
     table.extend(reading.warnings.iter().map(|warning| row("warning", warning)));
     Ok((value, table))
+}
+
+/// Lowest and highest height that the file gives; `None` when it gives none.
+fn given_range(reading: &SketchReading) -> Option<(f64, f64)> {
+    let vertices = reading.sketch.strokes.iter().flat_map(|stroke| &stroke.vertices);
+    let mut heights =
+        vertices.zip(reading.given.iter().flatten()).filter(|(_, given)| **given).map(|(v, _)| v.z);
+    let first = heights.next()?;
+    Some(heights.fold((first, first), |(low, high), z| (low.min(z), high.max(z))))
 }
 
 /// What is counted of the strokes of one kind.
@@ -234,7 +304,7 @@ impl KindFigures {
 }
 
 /// The lines of a sketch in figures: what `extract` reports and `info` repeats.
-pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Row> {
+pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Fact> {
     let graph = SketchGraph::of(lines);
     let one = |label: &str, kind| {
         let f = KindFigures::of(sketch, lines, &graph, kind);
@@ -253,7 +323,7 @@ pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Row> {
     ]
 }
 
-fn row(label: &str, text: impl std::fmt::Display) -> Row {
+fn row(label: &str, text: impl std::fmt::Display) -> Fact {
     (label.to_owned(), text.to_string())
 }
 
@@ -268,7 +338,7 @@ fn metres(value: f64) -> String {
 }
 
 /// Rows under each other, labels in one column.
-pub(super) fn table(rows: &[Row]) -> String {
+pub(super) fn table(rows: &[Fact]) -> String {
     let width = rows.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0).max(12);
     rows.iter().map(|(label, text)| format!("{label:width$}  {text}\n")).collect()
 }
@@ -282,7 +352,7 @@ fn merge(value: &mut Value, more: Value) {
 
 /// A style for people: where it is from and how well it learned, then its configuration. The JSON has the rest, above all
 /// the losses of every epoch.
-fn style_rows(value: &Value) -> Vec<Row> {
+fn style_rows(value: &Value) -> Vec<Fact> {
     let number = |pointer: &str| value.pointer(pointer).and_then(Value::as_f64);
     let text = |pointer: &str| value.pointer(pointer).map_or_else(|| "-".to_owned(), plain);
     let with = |pointer: &str, digits: usize, unit: &str| {
@@ -338,14 +408,10 @@ fn detail_row(value: &Value) -> String {
     let Some(record) = value.pointer("/detail/record") else {
         return "none: trained with --no-detail, or by an older version".to_owned();
     };
-    if value.pointer("/detail/model").and_then(Value::as_str) == Some("patches") {
-        let number = |pointer: &str| value.pointer(pointer).map_or_else(|| "-".to_owned(), plain);
+    if let Some(rows) = value.pointer("/detail/rows") {
         let gain = record.get("gain").and_then(Value::as_f64).unwrap_or_default();
-        return format!(
-            "patches of the exemplar, {} x {} cells; strength {gain:.2}",
-            number("/detail/rows"),
-            number("/detail/cols")
-        );
+        let cols = value.pointer("/detail/cols").map_or_else(|| "-".to_owned(), plain);
+        return format!("patches of the exemplar, {} x {cols} cells; strength {gain:.2}", plain(rows));
     }
     let number = |key: &str| record.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
     let steps: Vec<u64> = record
@@ -365,13 +431,13 @@ fn detail_row(value: &Value) -> String {
 }
 
 /// Any JSON object as rows: what lies deeper gets a dotted label.
-fn rows_of(value: &Value) -> Vec<Row> {
+fn rows_of(value: &Value) -> Vec<Fact> {
     let mut rows = Vec::new();
     push_rows(&mut rows, "", value);
     rows
 }
 
-fn push_rows(rows: &mut Vec<Row>, label: &str, value: &Value) {
+fn push_rows(rows: &mut Vec<Fact>, label: &str, value: &Value) {
     const SHOWN: usize = 8;
     match value {
         Value::Object(fields) => {

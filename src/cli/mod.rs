@@ -15,13 +15,17 @@ mod experiment;
 mod extract;
 mod generate;
 mod info;
+mod outputs;
 mod render;
 mod sample;
 mod sketch_input;
+mod sketch_map;
 mod train;
 
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::seed::Seed;
+use crate::style::Registry;
 use clap::{CommandFactory, Parser, Subcommand};
 use console::Console;
 use std::ffi::OsString;
@@ -108,15 +112,21 @@ struct Context {
     console: Console,
     /// The seed of the whole run.
     seed: Seed,
+    /// The systems that styles can be made of.
+    registry: Registry,
+    /// Ends the work.
+    stop: Stop,
 }
 
 /// Does what the command line `args` (the program's name first) asks for; reports failures on standard error.
 ///
 /// Sets the size of the global thread pool when `--threads` is given, which a process can do only once.
-pub fn run<I>(args: I) -> ExitCode
-where
-    I: Iterator<Item = OsString>,
-{
+pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
+    run_with(Registry::default(), args)
+}
+
+/// As [`run`], with the systems of `registry`: a program of its own is the built-in systems and one more.
+pub fn run_with(registry: Registry, args: impl Iterator<Item = OsString>) -> ExitCode {
     let line = match CommandLine::try_parse_from(args) {
         Ok(line) => line,
         Err(answer) => {
@@ -126,7 +136,7 @@ where
         }
     };
     let console = Console::new(line.global.quiet);
-    match prepare(&line.global, console).and_then(|context| dispatch(&line.command, &context)) {
+    match prepare(&line.global, console, registry).and_then(|context| dispatch(&line.command, &context)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console::print_error(&error);
@@ -135,13 +145,13 @@ where
     }
 }
 
-fn prepare(options: &GlobalOptions, console: Console) -> Result<Context> {
+fn prepare(options: &GlobalOptions, console: Console, registry: Registry) -> Result<Context> {
     let asked = usize::from(options.threads);
     if asked > 0 {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(asked);
         pool.build_global().map_err(|e| Error::value("--threads", asked, format!("cannot be set: {e}")))?;
     }
-    Ok(Context { console, seed: Seed(options.seed) })
+    Ok(Context { console, seed: Seed(options.seed), registry, stop: Stop::new() })
 }
 
 fn dispatch(command: &Command, context: &Context) -> Result<()> {

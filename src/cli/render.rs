@@ -1,8 +1,9 @@
 //! `render`: terrain as a shaded relief picture, with a sketch over it.
 
 use super::Context;
-use super::args::{self, CropOption, DemInput, Window};
-use super::sketch_input::{is_placed, read_sketch, window_of};
+use super::args::{CropOption, DemInput, Window};
+use super::outputs::{OutputKind, Outputs};
+use super::sketch_input::{Map, SketchOptions, read_on_map, window_of};
 use crate::dem::Georeference;
 use crate::error::Result;
 use crate::sketch::Sketch;
@@ -35,6 +36,8 @@ pub(super) struct RenderArgs {
     /// empty-corner, fault-line, lambda-ring, meander, p-valley, single-stroke, volcano-ring)
     #[arg(long, value_name = "SKETCH")]
     sketch: Option<PathBuf>,
+    #[command(flatten)]
+    reading: SketchOptions,
     /// Pixels a cell, along each side, 1 to 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     scale: usize,
@@ -74,10 +77,11 @@ impl From<PaletteName> for Palette {
 }
 
 pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
-    args::check_output(&args.output)?;
-    let inputs: Vec<&Path> =
-        std::iter::once(&args.input.dem).chain(&args.sketch).map(PathBuf::as_path).collect();
-    args::keep_inputs(&args.output, &inputs)?;
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Picture)
+        .reads(&args.input.dem)
+        .reads(&args.sketch)
+        .check()?;
     let whole = args.input.load(&context.console)?;
     let window = args.crop.window_of(&whole);
     let ground = Ground { window, whole: whole.shape(), georeference: whole.georeference().copied() };
@@ -86,7 +90,7 @@ pub(super) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     let relief = Relief::with_palette(palette).scaled(args.scale);
     let mut picture = relief.draw(&dem)?;
     if let Some(path) = &args.sketch {
-        let sketch = ground.sketch_over(path, context)?;
+        let sketch = ground.sketch_over(path, &args.reading.options(), context)?;
         LineArt::try_from(&sketch)?.overlay(&mut picture, &LineStyle::default())?;
     }
     picture.write_png(&args.output)?;
@@ -106,26 +110,11 @@ struct Ground {
 
 impl Ground {
     /// The sketch in `path` on the window's raster.
-    fn sketch_over(&self, path: &Path, context: &Context) -> Result<Sketch> {
+    fn sketch_over(&self, path: &Path, options: &ReadOptions, context: &Context) -> Result<Sketch> {
         let (here, window) = ((self.window.rows, self.window.cols), self.window);
-        let (reading, drawn) = match self.georeference {
-            // In coordinates of the terrain: wherever it was drawn, it lies on the whole.
-            Some(georeference) if is_placed(path)? => {
-                let (size, georeference) = (Some(self.whole), Some(georeference));
-                let options = ReadOptions { size, georeference, ..ReadOptions::default() };
-                (read_sketch(path, &options)?, self.whole)
-            }
-            // In columns and rows: of a map that the file describes, else of what is shown.
-            _ => {
-                let own = read_sketch(path, &ReadOptions::default())?;
-                match own.stated_size {
-                    Some(drawn) => (own, drawn),
-                    None => {
-                        (read_sketch(path, &ReadOptions { size: Some(here), ..Default::default() })?, here)
-                    }
-                }
-            }
-        };
+        let map = Map { size: self.whole, georeference: self.georeference };
+        let (reading, stretched) = read_on_map(path, map, here, options)?;
+        let drawn = stretched.unwrap_or((reading.sketch.rows, reading.sketch.cols));
         for warning in reading.warnings {
             context.console.warning(format!("{}: {warning}", path.display()));
         }

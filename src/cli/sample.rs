@@ -1,13 +1,12 @@
 //! `monadnock sample`: terrain of a style from noise alone.
 
 use super::Context;
-use super::args::{check_output, keep_inputs, size};
+use super::args::size;
+use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{CellSize, Dem};
 use crate::error::Result;
-use crate::systems::pipeline::needed_detail;
-use crate::systems::region_gnn::Style;
-use crate::systems::task::{DetailModel, SampleUse};
+use crate::systems::task::SampleUse;
 use std::path::PathBuf;
 
 /// Arguments of `sample`.
@@ -25,7 +24,7 @@ pub(super) struct SampleArgs {
     /// Cells of the map, as HEIGHTxWIDTH
     #[arg(long, value_name = "HxW", value_parser = size)]
     size: (usize, usize),
-    /// How far large forms are from the exemplar's: 0 keeps them and draws only small ones anew, 1 has a layout of its own
+    /// How far large forms are from the exemplar's: 0 keeps them and draws only small ones again, 1 has a layout of its own
     #[arg(long, value_name = "V", default_value_t = 1.0)]
     variety: f32,
     /// The terrain to write
@@ -38,15 +37,13 @@ pub(super) struct SampleArgs {
 /// # Errors
 /// Whatever is wrong with the style or the output path.
 pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
-    let style = Style::load(&args.style)?;
-    let detail = needed_detail(&style).map_err(|e| e.in_file(&args.style))?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.style])?;
-    io::check_name(&args.output)?;
-    let range = style.info.normalization;
+    Outputs::new().writes("--output", &args.output, OutputKind::Terrain).reads(&args.style).check()?;
+    let style = context.registry.load(&args.style)?;
+    let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
+    let range = style.origin.normalization;
     let what = SampleUse { rows: args.size.0, cols: args.size.1, variety: args.variety };
-    let unit = detail.sample(&what, context.seed)?;
-    let [x, y] = style.info.exemplar.cell_size;
+    let unit = detail.sample(&what, context.seed, &context.stop)?;
+    let [x, y] = style.origin.exemplar.cell_size;
     let dem = Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), CellSize::new(x, y)?)?;
     io::write(&dem, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (dem.shape(), dem.range());

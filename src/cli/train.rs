@@ -1,18 +1,19 @@
 //! `monadnock train`: one piece of a DEM becomes a style.
 
 use super::Context;
-use super::args::{CropOption, DemInput, check_output, keep_inputs, read_toml, terrain_name};
+use super::args::{CropOption, DemInput, read_toml, terrain_name};
+use super::outputs::{OutputKind, Outputs};
+use crate::checked::Settings;
+use crate::control::{Checkpoints, Control, Progress};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::experiment::{PATCH, choose_exemplar, overlay, style_config};
+use crate::evaluate::{PATCH, choose_exemplar};
+use crate::extract::ExtractionConfig;
 use crate::grid::{Cell, Grid};
-use crate::systems::gpnn;
-use crate::systems::pipeline::{
-    StyleDetail, continues, detail_of, has_unseen, learn_detail, take_patches, unseen_surface,
+use crate::style::{
+    Exemplar, GeneratorConfig, Preset, Source, Style, StyleConfig, SystemPlan, check_patches, generators,
+    has_unseen, learn_coarse, learn_detail, overlaid, overlay, unseen_surface,
 };
-use crate::systems::region_gnn::style::{Source, Style, StyleConfig, learn_with};
-use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, Preset};
-use crate::systems::singan::{self, DetailConfig};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -43,7 +44,7 @@ const PATCHES_COARSE_SHARE: f64 = 0.6;
 First the coarse model is trained, which turns lines into terrain; then comes the detail, which adds the small forms that
 lines leave open. The style is written after the first and again after the second, so that it can be used whatever happens.
 
-Detail is the exemplar's own patches (GPNN). Only their strength is measured: two coarse models, one a half of the exemplar, show
+Detail is the exemplar's own patches (GPNN). Only their strength is measured: two coarse models, each of one half of the exemplar, show
 what is left open in terrain that they have not seen. With --detail-model generators, or with a setting of theirs, a SinGAN is
 trained instead: minutes, for detail with a little less of the exemplar's statistics. Exemplars of more than 65,536 cells get
 generators too. With --preset paper, which is there to compare coarse models, there is detail only when one of these options asks
@@ -54,7 +55,7 @@ and at least three tenths.
 
 While it trains, its state is kept beside the output in STYLE.safetensors.checkpoint (and .detail-checkpoint for the
 detail), which is removed at the end. A training that was killed continues from there with --resume and the same
-arguments; without --resume it begins anew. It ends with the same weights as one that was never stopped, except under
+arguments; without --resume it starts over. It ends with the same weights as one that was never stopped, except under
 --budget, which ties the schedule to the clock.
 
 Without --crop the whole terrain is learned when it is small, else its most varied central 128x128 patch.
@@ -94,7 +95,7 @@ pub(super) struct TrainArgs {
     /// Time for the whole training, such as 60s or 5m; the schedules are fitted to it
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     budget: Option<Duration>,
-    /// Take the coarse model from a style of the same window, seed and configuration, and make only the detail anew
+    /// Take the coarse model from a style of the same window, seed and configuration, and learn only the detail again
     #[arg(long, value_name = "STYLE.safetensors", conflicts_with_all = ["no_detail", "epochs", "budget", "resume"])]
     coarse: Option<PathBuf>,
     /// Continue an interrupted training from its checkpoint
@@ -128,13 +129,19 @@ enum DetailPresetName {
 /// # Errors
 /// Whatever is wrong with the input, the configuration or the output path.
 pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
+    Outputs::new()
+        .writes("--output", &args.output, OutputKind::Style)
+        .reads(&args.dem.dem)
+        .reads(&args.config)
+        .reads(&args.coarse)
+        .check()?;
     let preset = match args.preset {
         PresetName::Anchored => Preset::Anchored,
         PresetName::Paper => Preset::Paper,
     };
     let named = match args.detail_preset {
-        None | Some(DetailPresetName::Ours) => DetailConfig::default(),
-        Some(DetailPresetName::Paper) => DetailConfig::paper(),
+        None | Some(DetailPresetName::Ours) => GeneratorConfig::default(),
+        Some(DetailPresetName::Paper) => GeneratorConfig::paper(),
     };
     let (config, detail) = resolve(preset, &named, args.config.as_deref(), &args.set, args.epochs)?;
     let asked = args.detail_preset.is_some() || detail != named;
@@ -144,20 +151,19 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     }
     let with_detail = !args.no_detail && (asked || args.detail_model.is_some() || preset != Preset::Paper);
     let dem = args.dem.load(&context.console)?;
-    check_output(&args.output)?;
-    keep_inputs(&args.output, &[&args.dem.dem])?;
     let (origin, rows, cols) = match args.crop.window {
         Some(window) => (window.origin, window.rows, window.cols),
         None => default_window(&dem, context)?,
     };
     let model = with_detail.then(|| match args.detail_model {
         Some(model) => model,
-        None if !asked && gpnn::check_shape(rows, cols).is_ok() => DetailModelName::Patches,
+        None if !asked && check_patches(rows, cols).is_ok() => DetailModelName::Patches,
         None => DetailModelName::Generators,
     });
     if model == Some(DetailModelName::Patches) {
-        gpnn::check_shape(rows, cols)?;
+        check_patches(rows, cols)?;
     }
+    let plan = config.plan()?;
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
     let [coarse_file, detail_file] =
         ["checkpoint", "detail-checkpoint"].map(|kind| checkpoint_path(&args.output, kind));
@@ -166,9 +172,9 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         let mut wanted = config.clone();
         if args.budget.is_some() {
             // The clock decides their number.
-            wanted.model.epochs = style.info.config.model.epochs;
+            wanted.model.epochs = style.config().model.epochs;
         }
-        continues(style, &source, &wanted, context.seed)
+        style.continues(&source, &wanted, context.seed)
     };
     // The coarse model is done when its checkpoint is gone, and it is in the output.
     let begun = (args.resume && interrupted.is_none() && args.output.exists())
@@ -179,14 +185,14 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
             context.console.line(format!("no {}: training from the start", coarse_file.display()));
         }
         Some(file) if !args.resume => {
-            let text = "is of an interrupted training; this one begins anew (--resume continues it)";
+            let text = "is of an interrupted training; this one starts over (--resume continues it)";
             context.console.warning(format!("{} {text}", file.display()));
             remove(&detail_file)?;
         }
         _ => {}
     }
     let [coarse_budget, unseen_budget, detail_budget] =
-        args.budget.map_or([None; 3], |all| budgets(all, model, has_unseen(&config, rows, cols)).map(Some));
+        args.budget.map_or([None; 3], |all| budgets(all, model, has_unseen(&*plan, rows, cols)).map(Some));
     let bounds = |path: &Path, budget: Option<Duration>| Bounds {
         budget,
         checkpoints: Some(Checkpoints {
@@ -208,7 +214,7 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     } else {
         let label = if model.is_some() { "training the coarse model" } else { "training" };
         let bounds = bounds(&coarse_file, coarse_budget);
-        let trained = train_with_progress(&source, &config, context, label, bounds);
+        let trained = train_with_progress(&source, &config.extraction, &*plan, context, label, bounds);
         told_of_divergence(&trained, &coarse_file, "model", context);
         let style = trained?;
         style.save(&args.output)?;
@@ -221,17 +227,23 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
                 format!("{rows}x{cols} cells are not searched for patches: detail comes from generators");
             context.console.line(text);
         }
-        let unseen = unseen_with_progress(&style, &source, unseen_budget, context)?;
-        match model {
-            DetailModelName::Patches => take_patches(&mut style, &source, unseen.as_ref(), context.seed)?,
-            DetailModelName::Generators => {
-                let bounds = bounds(&detail_file, detail_budget);
-                let learned =
-                    detail_with_progress(&mut style, &source, unseen.as_ref(), &detail, context, bounds);
-                told_of_divergence(&learned, &detail_file, "detail", context);
-                learned?;
-            }
-        }
+        let unseen = unseen_with_progress(&source, &config.extraction, &*plan, unseen_budget, context)?;
+        let detail = match model {
+            DetailModelName::Patches => context.registry.plan_detail("patches", &toml::Table::new())?,
+            DetailModelName::Generators => generators(detail.clone())?,
+        };
+        let Bounds { budget, checkpoints } = bounds(&detail_file, detail_budget);
+        let bar = context.console.progress(100, "training the detail");
+        let mut progress = |done: &Progress<'_>| {
+            bar.note(figures(done));
+            bar.reach((100.0 * done.share) as u64);
+        };
+        let stop = context.stop.clone();
+        let control = Control { progress: &mut progress, budget, checkpoints, stop };
+        let learned = learn_detail(&mut style, &source, &*plan, unseen, &*detail, control);
+        drop(bar);
+        told_of_divergence(&learned, &detail_file, "detail", context);
+        learned?;
         style.save(&args.output)?;
         remove(&detail_file)?;
     }
@@ -263,36 +275,11 @@ fn coarse_share(all: Duration) -> Duration {
 }
 
 fn report(style: &Style, output: &Path, context: &Context) -> Result<()> {
-    let t = &style.info.training;
-    context.console.line(format!(
-        "{}: {} epochs in {:.1} s ({:.3} s each); exemplar rebuilt with SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}",
-        output.display(),
-        t.epochs,
-        t.seconds,
-        t.seconds_per_epoch,
-        t.ssim,
-        t.psnr,
-        t.l_gt
-    ));
-    match detail_of(style)? {
-        Some(StyleDetail::Generators(detail)) => {
-            let r = detail.record();
-            context.console.line(format!(
-                "detail: {} scales, {} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
-                r.steps.len(),
-                r.steps.iter().sum::<usize>(),
-                r.seconds,
-                r.psnr
-            ));
-        }
-        Some(StyleDetail::Patches(detail)) => {
-            let (r, (rows, cols)) = (detail.record(), detail.shape());
-            context.console.line(format!(
-                "detail: patches of {rows}x{cols} cells, strength {:.2} found in {:.1} s",
-                r.gain, r.seconds
-            ));
-        }
-        None => {}
+    for system in &style.coarse {
+        context.console.line(format!("{}: {}", output.display(), system.account().text));
+    }
+    if let Some(detail) = &style.detail {
+        context.console.line(format!("detail: {}", detail.account().text));
     }
     Ok(())
 }
@@ -346,69 +333,51 @@ pub(super) struct Bounds {
 /// Learns a style under a progress bar.
 pub(super) fn train_with_progress(
     source: &Source,
-    config: &StyleConfig,
+    extraction: &ExtractionConfig,
+    plan: &dyn SystemPlan,
     context: &Context,
     label: &str,
     bounds: Bounds,
 ) -> Result<Style> {
-    // Under a budget the bar counts seconds, else epochs.
-    let total = bounds.budget.map_or(config.model.epochs as u64, |budget| budget.as_secs());
-    let bar = context.console.progress(total, label);
-    let mut progress = |report: &EpochReport| {
-        let l = &report.losses;
-        bar.note(format!("SSIM {:.3}, l_gt {:.1e}", 1.0 - l.ssim, l.ground_truth));
-        bar.reach(bounds.budget.map_or(report.epoch as u64, |_| report.seconds as u64));
+    let bar = context.console.progress(100, label);
+    let mut progress = |done: &Progress<'_>| {
+        bar.note(figures(done));
+        bar.reach((100.0 * done.share) as u64);
     };
-    let control = Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };
-    learn_with(source, config, context.seed, control)
+    let Bounds { budget, checkpoints } = bounds;
+    let control = Control { progress: &mut progress, budget, checkpoints, stop: context.stop.clone() };
+    learn_coarse(source, extraction, plan, context.seed, control)
+}
+
+/// The figures of a step, for people.
+fn figures(done: &Progress<'_>) -> String {
+    let figures = done.figures.iter().map(|(name, value)| format!("{name} {value:.3}"));
+    figures.collect::<Vec<_>>().join(", ")
 }
 
 /// What the coarse model leaves open in terrain that it has not seen, under a progress bar.
 pub(super) fn unseen_with_progress(
-    style: &Style,
     source: &Source,
+    extraction: &ExtractionConfig,
+    plan: &dyn SystemPlan,
     budget: Option<Duration>,
     context: &Context,
 ) -> Result<Option<Grid<f32>>> {
     let bar = context.console.progress(100, "measuring what is left to the detail");
-    let mut progress = |share: f64| bar.reach((100.0 * share) as u64);
-    unseen_surface(style, source, context.seed, budget, &mut progress)
-}
-
-/// Learns the detail of a style under a progress bar, which counts the work of the steps, or under a budget seconds.
-pub(super) fn detail_with_progress(
-    style: &mut Style,
-    source: &Source,
-    unseen: Option<&Grid<f32>>,
-    config: &DetailConfig,
-    context: &Context,
-    bounds: Bounds,
-) -> Result<()> {
-    let (rows, cols) = source.dem.shape();
-    let work = config.work(rows, cols);
-    let all: u64 = work.iter().map(|w| w * config.steps as u64).sum();
-    // In percent: a unit of work means nothing to anybody.
-    let total = bounds.budget.map_or(100, |budget| budget.as_secs());
-    let bar = context.console.progress(total, "training the detail");
-    let mut progress = |report: &singan::StepReport| {
-        bar.note(format!("scale {} of {}", report.scale + 1, report.scales));
-        let finished: u64 = work[..report.scale].iter().map(|w| w * config.steps as u64).sum();
-        let done = finished + work[report.scale] * (report.step as u64 + 1);
-        bar.reach(bounds.budget.map_or(100 * done / all, |_| report.seconds as u64));
-    };
-    let control =
-        singan::Control { progress: &mut progress, budget: bounds.budget, checkpoints: bounds.checkpoints };
-    learn_detail(style, source, unseen, config, context.seed, control)
+    let mut progress = |done: &Progress<'_>| bar.reach((100.0 * done.share) as u64);
+    let stop = context.stop.clone();
+    let control = Control { progress: &mut progress, budget, checkpoints: None, stop };
+    unseen_surface(plan, &Exemplar::new(source, extraction, context.seed)?, control)
 }
 
 /// The presets, overlaid with a file and with single keys.
 fn resolve(
     preset: Preset,
-    detail: &DetailConfig,
+    detail: &GeneratorConfig,
     file: Option<&Path>,
     set: &[String],
     epochs: Option<usize>,
-) -> Result<(StyleConfig, DetailConfig)> {
+) -> Result<(StyleConfig, GeneratorConfig)> {
     let mut over = toml::Table::new();
     let base = StyleConfig::preset(preset);
     if let Some(path) = file {
@@ -439,30 +408,25 @@ fn resolve(
 /// The section `detail` of a table, and the others.
 fn both(
     base: &StyleConfig,
-    detail: &DetailConfig,
+    detail: &GeneratorConfig,
     over: &toml::Table,
-) -> Result<(StyleConfig, DetailConfig)> {
+) -> Result<(StyleConfig, GeneratorConfig)> {
     let mut rest = over.clone();
     let section = rest.remove("detail");
-    let config = style_config(base, [&rest])?;
-    let plain = |e: toml::ser::Error| Error::value("configuration", e, "a preset must be plain data");
-    let mut table = toml::Table::try_from(detail).map_err(plain)?;
-    match section {
-        Some(toml::Value::Table(section)) => overlay(&mut table, &section),
+    let config = overlaid(base, [&rest], "configuration")?;
+    let section = match section {
+        Some(toml::Value::Table(section)) => section,
         Some(other) => return Err(Error::value("detail", other, "allowed: a section with keys")),
-        None => {}
-    }
-    let bad = |e: toml::de::Error| {
-        let allowed = "see `monadnock info STYLE --json` under detail.config for all keys";
-        Error::value("configuration of the detail", e.message(), allowed)
+        None => toml::Table::new(),
     };
-    Ok((config, table.try_into().map_err(bad)?))
+    Ok((config, overlaid(detail, [&section], "configuration of the detail")?))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::systems::region_gnn::config::Base;
+    use crate::systems::singan::config::View;
 
     #[test]
     fn a_short_budget_is_halved_and_a_long_one_goes_to_the_detail() {
@@ -486,7 +450,7 @@ mod tests {
     fn settings_overlay_the_preset_and_bad_ones_are_named() {
         let set = |s: &[&str]| {
             let settings: Vec<String> = s.iter().map(|s| (*s).to_owned()).collect();
-            resolve(Preset::Anchored, &DetailConfig::default(), None, &settings, Some(7))
+            resolve(Preset::Anchored, &GeneratorConfig::default(), None, &settings, Some(7))
         };
         let (config, detail) = set(&[
             "model.base=laplace",
@@ -496,7 +460,7 @@ mod tests {
             "detail.view=heights",
         ])
         .unwrap();
-        assert_eq!((detail.steps, detail.view), (9, singan::config::View::Heights));
+        assert_eq!((detail.steps, detail.view), (9, View::Heights));
         assert!(set(&["detail.stepps=9"]).unwrap_err().to_string().contains("stepps"));
         assert!(set(&["detail.width=33"]).unwrap_err().to_string().contains("detail.width is 33"));
         assert_eq!((config.model.base, config.extraction.min_order), (Base::Laplace, 3));

@@ -4,7 +4,7 @@
 //! beside it. A test checks their hashes and that the manifest's figures are those of the rasters.
 
 use super::Dem;
-use super::io::{self, Description, ReadOptions};
+use super::io::{self, CellSizeSource, Description, ReadOptions};
 use crate::error::{Error, Result};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -90,7 +90,13 @@ pub fn read(name: &str, options: &ReadOptions) -> Result<(Dem, Description)> {
         Error::value("name of a bundled tile", format!("{name:?}"), format!("allowed: {}", known.join(", ")))
     })?;
     let (_, bytes) = TILES.iter().find(|(file, _)| *file == tile.file).expect("every tile is compiled in");
-    io::read_bytes(Path::new(&tile.file), bytes, options)
+    let (dem, mut description) = io::read_bytes(Path::new(&tile.file), bytes, options)?;
+    if options.cell_size.is_none() {
+        // What the file leaves open, the manifest says: its cells are in metres.
+        description.cell_size_source = CellSizeSource::File;
+        description.notes.clear();
+    }
+    Ok((dem, description))
 }
 
 #[cfg(test)]

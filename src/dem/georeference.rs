@@ -1,5 +1,7 @@
 //! Where a raster lies on the Earth.
 
+use super::crs::Crs;
+
 /// Whether a raster's coordinates name the corner of a cell or its centre (GeoTIFF `GTRasterTypeGeoKey`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -20,6 +22,9 @@ pub struct Georeference {
     pub transform: [f64; 6],
     /// EPSG code of the coordinate system, when the file names one.
     pub epsg: Option<u32>,
+    /// The coordinate system itself, where no code names it or the file says more than the code does (a unit of its own).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub definition: Option<Crs>,
     /// How the file placed its heights; kept so that writing gives back what was read.
     pub raster_space: RasterSpace,
 }
@@ -43,6 +48,12 @@ impl Georeference {
         }
         let (x, y) = (x - c, y - f);
         Some(((e * x - b * y) / det, (a * y - d * x) / det))
+    }
+
+    /// Whether raster and model coordinates determine each other.
+    #[must_use]
+    pub fn is_invertible(&self) -> bool {
+        self.transform.iter().all(|v| v.is_finite()) && self.to_raster(0.0, 0.0).is_some()
     }
 
     /// The same ground on a raster of another shape, frame to frame; shapes are (rows, columns).
@@ -71,6 +82,7 @@ mod tests {
         let g = Georeference {
             transform: [30.0, 2.0, 500.0, -1.0, -40.0, 900.0],
             epsg: Some(32611),
+            definition: None,
             raster_space: RasterSpace::PixelIsArea,
         };
         let fine = g.on_raster((64, 80), (128, 40));

@@ -5,7 +5,7 @@
 //! swapped or spoiled file is found out before anything is computed from it.
 
 use super::Dem;
-use super::io::{self, ReadOptions};
+use super::io::{self, Description, ReadOptions};
 use crate::error::{Error, Result};
 use crate::file;
 use serde::{Deserialize, Serialize};
@@ -117,6 +117,14 @@ impl Manifest {
     /// # Errors
     /// When there is no such name, its file cannot be read, or the file is not what the manifest says.
     pub fn load(&self, name: &str) -> Result<Dem> {
+        self.load_described(name).map(|(dem, _)| dem)
+    }
+
+    /// Like [`load`](Self::load), with what the raster's file said about itself.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_described(&self, name: &str) -> Result<(Dem, Description)> {
         let manifest = self.folder.join(FILE_NAME);
         let Some(area) = self.areas.iter().find(|area| area.name == name) else {
             let names: Vec<&str> = self.areas.iter().map(|area| area.name.as_str()).collect();
@@ -131,7 +139,9 @@ impl Manifest {
         if let Some(stated) = area.sha256.as_ref().filter(|stated| !stated.eq_ignore_ascii_case(&hash)) {
             return Err(differs("sha256", hash, stated.clone()));
         }
-        let (dem, _) = io::read_bytes(&path, &bytes, &ReadOptions::default())?;
+        let read =
+            io::read_with_sidecars(&path, &bytes, &io::sidecars_beside(&path)?, &ReadOptions::default())?;
+        let (dem, description) = read;
         let shape: [usize; 2] = dem.shape().into();
         if let Some(stated) = area.shape.filter(|stated| *stated != shape) {
             return Err(differs("shape", format!("{shape:?}"), format!("{stated:?}")));
@@ -147,7 +157,7 @@ impl Manifest {
         if let Some(stated) = area.metres_per_pixel.filter(|m| (m - side).abs() > 1e-3 * side) {
             return Err(differs("cell size", side.to_string(), stated.to_string()));
         }
-        Ok(dem)
+        Ok((dem, description))
     }
 }
 
@@ -156,7 +166,7 @@ impl Area {
     ///
     /// # Errors
     /// When the name has other signs than letters, digits, `-` and `_`, the raster cannot be read or lies elsewhere.
-    pub fn of_file(name: &str, path: &Path, folder: &Path) -> Result<Self> {
+    pub fn of_file(name: &str, path: &Path, folder: &Path) -> Result<(Self, Description)> {
         check_name(name)?;
         let resolved = |path: &Path| path.canonicalize().map_err(Error::io(path, "find the file"));
         let here = resolved(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })?;
@@ -166,10 +176,12 @@ impl Area {
             return Err(Error::file(path, "place", "outside", allowed));
         };
         let bytes = file::read_whole(path, io::MAX_FILE_BYTES)?;
-        let (dem, _) = io::read_bytes(path, &bytes, &ReadOptions::default())?;
+        let read =
+            io::read_with_sidecars(path, &bytes, &io::sidecars_beside(path)?, &ReadOptions::default())?;
+        let (dem, description) = read;
         let (low, high) = dem.range();
         let rounded = |z: f32| (f64::from(z) * 10.0).round() / 10.0;
-        Ok(Self {
+        let area = Self {
             name: name.to_owned(),
             file: inside.to_owned(),
             shape: Some(dem.shape().into()),
@@ -177,7 +189,8 @@ impl Area {
             elevation: Some([rounded(low), rounded(high)]),
             sha256: Some(sha256(&bytes)),
             ..Self::default()
-        })
+        };
+        Ok((area, description))
     }
 
     /// The entry as it stands in a manifest.
@@ -252,7 +265,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (raster, path) = (folder.path().join("hill.tif"), folder.path().join(FILE_NAME));
         std::fs::copy(repository().join("sierra.tif"), &raster).unwrap();
-        let mut area = Area::of_file("hill", &raster, folder.path()).unwrap();
+        let (mut area, _) = Area::of_file("hill", &raster, folder.path()).unwrap();
         area.add_to(&path).unwrap();
         assert!(area.add_to(&path).unwrap_err().to_string().contains("hill"));
         std::fs::write(&path, format!("# mine\n{}", std::fs::read_to_string(&path).unwrap())).unwrap();

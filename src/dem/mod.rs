@@ -2,6 +2,7 @@
 
 pub mod bundled;
 mod cell_size;
+pub mod crs;
 mod georeference;
 mod heights;
 pub mod io;

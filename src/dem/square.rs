@@ -20,6 +20,16 @@ impl CellSize {
     pub fn is_square(self) -> bool {
         self.x().max(self.y()) / self.x().min(self.y()) <= 1.0 + SQUARE_WITHIN
     }
+
+    /// The (rows, columns) of square cells that cover the ground of `shape` cells of this size, about as many; `None` when
+    /// they are square already.
+    #[must_use]
+    pub fn square_shape(self, (rows, cols): (usize, usize)) -> Option<(usize, usize)> {
+        let count =
+            |cells: usize, length: f64| ((cells as f64 * length / self.mean()).round() as usize).max(2);
+        let to = (count(rows, self.y()), count(cols, self.x()));
+        (!self.is_square() && to != (rows, cols)).then_some(to)
+    }
 }
 
 impl Dem {
@@ -28,13 +38,8 @@ impl Dem {
     /// # Errors
     /// When nothing but voids is left, which can be where the few heights of a raster are thinner than a new cell.
     pub fn on_square_cells(&self) -> Result<Option<Self>> {
-        let (rows, cols) = self.shape();
-        let (size, side) = (self.cell_size(), self.cell_size().mean());
-        let count = |cells: usize, length: f64| ((cells as f64 * length / side).round() as usize).max(2);
-        let to = (count(rows, size.y()), count(cols, size.x()));
-        if size.is_square() || to == (rows, cols) {
-            return Ok(None);
-        }
+        let ((rows, cols), size) = (self.shape(), self.cell_size());
+        let Some(to) = size.square_shape((rows, cols)) else { return Ok(None) };
         let valid = Mask::from_fn(to.0, to.1, |c| {
             let old = |i: usize, to: usize, from: usize| (2 * i + 1) * from / (2 * to);
             self.valid()[Cell::new(old(c.row, to.0, rows), old(c.col, to.1, cols))]
@@ -84,6 +89,7 @@ mod tests {
         let place = Georeference {
             transform: [0.002, 0.0, 8.0, 0.0, -0.003, 47.0],
             epsg: Some(4326),
+            definition: None,
             raster_space: RasterSpace::PixelIsPoint,
         };
         let size = CellSize::new(20.0, 30.0).unwrap();

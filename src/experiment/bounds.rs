@@ -1,8 +1,9 @@
 //! What was expected of an experiment against what came out.
 
+use super::results::{Cells, Results, Stat, difference, of_patches};
 use super::rows::ScoreTable;
-use super::spec::{Against, Bound, ExperimentSpec, Scope, lower_is_better};
-use super::summary::{Cells, Stat, Summaries, difference, of_patches};
+use super::scores::lower_is_better;
+use super::spec::{Against, Bound, ExperimentSpec, Scope};
 use crate::error::Result;
 
 /// How a bound fared.
@@ -55,24 +56,21 @@ impl std::fmt::Display for Verdict {
 /// # Errors
 /// When the experiment names a system that there is not.
 pub fn check(spec: &ExperimentSpec, table: &ScoreTable) -> Result<Vec<Verdict>> {
-    let summaries = Summaries::new(spec, table)?;
-    let highlight = spec.highlighted()?;
-    Ok(spec.bound.iter().map(|bound| one(spec, &summaries, bound, &highlight)).collect())
+    let results = Results::new(spec, table)?;
+    Ok(spec.bound.iter().map(|bound| judge(&results, bound)).collect())
 }
 
-fn one(spec: &ExperimentSpec, summaries: &Summaries<'_>, bound: &Bound, highlight: &str) -> Verdict {
-    let system = bound.system.as_deref().unwrap_or(highlight);
-    let sketches: Vec<String> = spec.sketches().into_iter().map(|s| s.name).collect();
-    let sketches = sketches.iter().filter(|name| bound.sketch.as_ref().is_none_or(|wanted| wanted == *name));
-    let areas: Vec<&str> = spec.area.iter().map(|a| a.name.as_str()).collect();
-    let areas: Vec<&str> =
-        areas.into_iter().filter(|name| bound.area.as_deref().is_none_or(|wanted| wanted == *name)).collect();
+fn judge(results: &Results<'_>, bound: &Bound) -> Verdict {
+    let system = bound.system.as_ref().unwrap_or(&results.highlight);
+    let sketches = results.sketches.iter().filter(|name| bound.sketch.as_ref().is_none_or(|s| s == *name));
+    let areas = results.spec.area.iter().map(|a| a.name.as_str());
+    let areas: Vec<&str> = areas.filter(|name| bound.area.as_deref().is_none_or(|a| a == *name)).collect();
     let mut found: Vec<(f64, String)> = Vec::new();
     let mut failures = 0;
     for sketch in sketches {
-        failures += areas.iter().map(|area| summaries.failures(system, area, sketch)).sum::<usize>();
+        failures += areas.iter().map(|area| results.failures(system, area, sketch)).sum::<usize>();
         // One set of differences an opponent; without one the scores themselves.
-        let opponents: Vec<Vec<(&str, Cells)>> = opponents(summaries, bound, system, sketch, &areas);
+        let opponents: Vec<Vec<(&str, Cells)>> = opponents(results, bound, system, sketch, &areas);
         match bound.over {
             Scope::AllAreas => {
                 let value = worst(bound, opponents.iter().filter_map(|areas| mean_of_means(areas)));
@@ -113,23 +111,23 @@ fn one(spec: &ExperimentSpec, summaries: &Summaries<'_>, bound: &Bound, highligh
 
 /// The values to check in every area, once for each system that they are compared with.
 fn opponents<'a>(
-    summaries: &Summaries<'_>,
+    results: &Results<'_>,
     bound: &Bound,
     system: &str,
     sketch: &str,
     areas: &[&'a str],
 ) -> Vec<Vec<(&'a str, Cells)>> {
     let metric = bound.metric.as_str();
-    let own = |area: &str| summaries.cells(system, area, sketch, metric);
+    let own = |area: &str| results.cells(system, area, sketch, metric);
     let against = |name: &str| -> Vec<(&'a str, Cells)> {
-        areas.iter().map(|&a| (a, difference(&own(a), &summaries.cells(name, a, sketch, metric)))).collect()
+        areas.iter().map(|&a| (a, difference(&own(a), &results.cells(name, a, sketch, metric)))).collect()
     };
     match &bound.against {
         None => vec![areas.iter().map(|&area| (area, own(area))).collect()],
         Some(Against::System(name)) => vec![against(name)],
-        Some(Against::BestInterpolator) => summaries.interpolators().iter().map(|n| against(n)).collect(),
+        Some(Against::BestInterpolator) => results.interpolators().iter().map(|n| against(n)).collect(),
         Some(Against::BestInterpolatorOfEachPatch) => {
-            let best = |area: &str| summaries.best_of_each(area, sketch, metric);
+            let best = |area: &str| results.best_of_each(area, sketch, metric);
             vec![areas.iter().map(|&area| (area, difference(&own(area), &best(area)))).collect()]
         }
     }
@@ -141,12 +139,11 @@ fn worst(bound: &Bound, values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 fn mean(cells: &Cells) -> Option<f64> {
-    Stat::of(&cells.values().copied().collect::<Vec<_>>()).map(|stat| stat.mean)
+    Stat::of(cells.values().copied()).map(|stat| stat.mean)
 }
 
 fn mean_of_means(areas: &[(&str, Cells)]) -> Option<f64> {
-    let means: Vec<f64> = areas.iter().filter_map(|(_, cells)| mean(cells)).collect();
-    Stat::of(&means).map(|stat| stat.mean)
+    Stat::of(areas.iter().filter_map(|(_, cells)| mean(cells))).map(|stat| stat.mean)
 }
 
 /// How far inside its limits a value lies; below 0 it breaks the bound.
@@ -233,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_taken_over_areas_patches_and_seeds_as_asked() {
+    fn means_cover_areas_patches_and_seeds() {
         let t = table(formula);
         let worst = |bound: &str| {
             let v = verdict(bound, &t);
@@ -270,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_breaks_a_bound_unless_everything_failed_there() {
+    fn a_failure_breaks_a_bound_unless_all_failed() {
         let failing = |all: bool| {
             table(move |system, area, row, seed| {
                 let broken = area == "b" && row == 0 && (all || system == "anchored");

@@ -1,35 +1,26 @@
-//! How systems are compared: patches of a DEM, a sketch from each, every system's terrain, scores; and experiments, which
-//! are such comparisons as data files with a record.
+//! Experiments: comparisons of systems as data files, with a record from which every published number is taken.
 //!
-//! [`ExperimentSpec`] -> [`resolve`](resolve::resolve) -> [`Resolved`](resolve::Resolved) -> [`run`](run::run) -> a record
-//! folder -> [`report`](report::write). The format of the file and of the record is in `docs/experiments.md`.
+//! [`ExperimentSpec`] -> [`resolve`](resolve::resolve) -> [`Resolved`](areas::Resolved) -> [`run`](run::run) -> a record
+//! folder -> [`report`](report::write). What is done with the styles is a protocol, one file each below `protocols/`. The
+//! format of the file and of the record is in `docs/experiments.md`.
 
+pub mod areas;
 pub mod bounds;
-mod by_kind;
-mod evaluation;
-pub mod markdown;
-mod overlay;
-mod extras;
-pub mod findings;
-mod fit;
-mod gallery;
+pub mod documents;
+pub mod events;
 mod measure;
-mod moved;
-mod patches;
 mod pictures;
+mod protocol;
+mod protocols;
 pub mod record;
 pub mod report;
 pub mod resolve;
+pub mod results;
 pub mod rows;
 pub mod run;
+mod scores;
 pub mod spec;
-mod states;
-pub mod summary;
-mod table;
+mod styles;
 mod validate;
 
-pub use evaluation::{Evaluation, EvaluationConfig, Rebuilt, Row, evaluate};
-pub use overlay::{overlay, style_config};
-pub use patches::{PATCH, choose_exemplar, patch_cells};
-pub use spec::ExperimentSpec;
-pub use table::{Line, aggregate, to_csv};
+pub use spec::{ExperimentSpec, Kind};

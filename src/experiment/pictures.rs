@@ -1,77 +1,146 @@
-//! Pictures of a few patches of an experiment: where the system it is about does worst and best against the interpolators.
+//! Pictures of terrain in a record: what protocols share, and sheets of patches.
 
-use super::evaluation::Rebuilt;
-use super::gallery::{self, SystemsOf};
-use super::measure::{Measured, rebuilt};
+use super::areas::{Area, Resolved};
+use super::measure::{Measured, Systems, Task, rebuild, value_of};
 use super::record::Record;
-use super::resolve::Resolved;
 use super::rows::ScoreTable;
-use super::spec::{Kind, SketchSpec};
-use crate::dem::Dem;
+use super::spec::SketchSpec;
+use super::styles::Styles;
+use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
+use crate::evaluate::{PATCH, Rebuilt};
 use crate::file;
-use crate::grid::{Cell, Grid};
-use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Sheet};
+use crate::grid::{Cell, Grid, Mask};
+use crate::sketch::LineMap;
+use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Rgb, Sheet};
+use std::collections::VecDeque;
 
-/// Pixels a cell.
-pub(super) const SCALE: usize = 2;
-/// Panels a row.
+/// Pixels per cell.
+const SCALE: usize = 2;
+/// Panels per row of a patch's sheet.
 const COLUMNS: usize = 4;
 
-/// Draws them into the record's `pictures`, named so that their order is that of the report.
-pub(super) fn write(resolved: &Resolved, record: &Record, systems: SystemsOf<'_>) -> Result<()> {
-    let spec = &resolved.spec;
-    file::remove(&record.path("pictures"))?;
-    if matches!(spec.kind, Kind::Fit | Kind::Disentanglement) {
-        return Ok(());
+/// Where pictures of a record are kept, and what they are made of.
+pub(super) struct Gallery<'a> {
+    pub(super) resolved: &'a Resolved,
+    styles: &'a Styles<'a>,
+    record: &'a Record,
+    /// The first seed, of which pictures are.
+    pub(super) seed: u64,
+    /// The system that the experiment is about.
+    pub(super) highlight: String,
+    pub(super) sketches: Vec<SketchSpec>,
+}
+
+impl<'a> Gallery<'a> {
+    /// An empty one.
+    pub(super) fn new(resolved: &'a Resolved, styles: &'a Styles<'a>, record: &'a Record) -> Result<Self> {
+        file::remove(&record.path("pictures"))?;
+        let spec = &resolved.spec;
+        Ok(Self {
+            resolved,
+            styles,
+            record,
+            seed: spec.seeds[0],
+            highlight: spec.highlighted()?,
+            sketches: spec.sketches(),
+        })
     }
-    file::create_folder(&record.path("pictures"))?;
-    if spec.kind == Kind::Sparse || spec.kind == Kind::Exchange || !spec.kind.has_truth() {
-        gallery::write(resolved, record, systems)?;
+
+    /// The systems of an area, interpolators among them.
+    pub(super) fn systems(&self, area: &Area) -> Result<Systems<'_>> {
+        self.styles.systems(area, self.seed, true)
     }
-    if spec.kind == Kind::Exchange || !spec.kind.has_truth() {
-        return Ok(());
+
+    pub(super) fn keep(&self, name: &str, picture: &Picture) -> Result<()> {
+        file::create_folder(&self.record.path("pictures"))?;
+        picture.write_png(&self.record.path("pictures").join(format!("{name}.png")))
     }
-    let table = record.scores()?;
-    let (seed, sketches, highlight) = (spec.seeds[0], spec.sketches(), spec.highlighted()?);
-    let interpolators = spec.interpolator_names()?;
+}
+
+/// Unit heights as pictures in colours that are the same for all of a sheet.
+pub(super) struct Painter {
+    relief: Relief,
+    range: Normalization,
+    cell_size: CellSize,
+}
+
+impl Painter {
+    /// In the colours of `reference`.
+    pub(super) fn new(reference: &Dem, range: Normalization) -> Self {
+        let relief = Relief::with_palette(Palette::Alpine).scaled(SCALE).fixed_for(reference);
+        Self { relief, range, cell_size: reference.cell_size() }
+    }
+
+    /// In the colours of the patch at a cell.
+    pub(super) fn of_patch(area: &Area, cell: Cell) -> Result<Self> {
+        let reference = area.dem.crop(cell, PATCH, PATCH)?;
+        let range = Normalization::of(&reference);
+        Ok(Self::new(&reference, range))
+    }
+
+    pub(super) fn draw(&self, unit: &Grid<f32>, valid: &Mask) -> Result<Picture> {
+        let heights = unit.map(|&z| self.range.to_metres(f64::from(z)) as f32);
+        self.relief.draw(&Dem::with_voids(heights, valid.clone(), self.cell_size)?)
+    }
+
+    pub(super) fn draw_whole(&self, unit: &Grid<f32>) -> Result<Picture> {
+        self.draw(unit, &unit.map(|_| true))
+    }
+
+    /// The sheet with the scales of colours and lengths.
+    pub(super) fn finish(&self, sheet: Sheet) -> Result<Picture> {
+        let bar = ColorBar::new(self.relief.palette, self.range.low(), self.range.high(), "Height, m")?;
+        sheet.color_bar(bar).scale_bar(self.cell_size.x() / SCALE as f64).draw()
+    }
+}
+
+/// Lines on paper.
+pub(super) fn paper(lines: &LineMap) -> Result<Picture> {
+    LineArt::from(lines).on_paper(SCALE)
+}
+
+/// The place of a panel that there is not.
+pub(super) fn blank() -> Picture {
+    Picture::filled(PATCH * SCALE, PATCH * SCALE, Rgb::WHITE)
+}
+
+/// A name as a part of a file's name.
+pub(super) fn plain(name: &str) -> String {
+    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
+}
+
+/// A sheet for each of a few patches per area: where the highlighted system does worst and best against the interpolators.
+pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
+    let (resolved, seed) = (gallery.resolved, gallery.seed);
+    let table = gallery.record.scores()?;
+    let interpolators = resolved.spec.interpolator_names()?;
+    let against = if interpolators.is_empty() { "PSNR" } else { "PSNR above the best interpolator" };
     for area in &resolved.areas {
         let mut margins: Vec<(f64, Cell, &SketchSpec)> = Vec::new();
-        for sketch in &sketches {
+        for sketch in &gallery.sketches {
             for &cell in &area.patches {
-                let margin = margin(&table, &area.name, cell, seed, &sketch.name, &highlight, &interpolators);
+                let margin = margin(&table, gallery, area, cell, sketch, &interpolators);
                 margins.extend(margin.map(|margin| (margin, cell, sketch)));
             }
         }
         margins.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // The worst, the best, the second worst, ...
-        let mut order = std::collections::VecDeque::from(margins);
-        let systems = systems(area, seed)?;
-        for i in 0..spec.pictures.min(order.len()) {
-            let Some((margin, cell, sketch)) =
-                (if i % 2 == 0 { order.pop_front() } else { order.pop_back() })
-            else {
-                break;
-            };
-            let (rows, patches) = rebuilt(resolved, area, cell, sketch, &systems.named, seed, true)?;
+        let mut order = VecDeque::from(margins);
+        let systems = gallery.systems(area)?;
+        for i in 0..resolved.spec.pictures {
+            let next = if i % 2 == 0 { order.pop_front() } else { order.pop_back() };
+            let Some((margin, cell, sketch)) = next else { break };
+            let task = Task { resolved, area, cell, sketch, systems: &systems, seed };
+            let (rows, patches) = rebuild(&task, &area.dem, true)?;
             let Some(patch) = patches.first() else { continue };
-            let caption = |system: &str| {
-                let row: Option<&Measured> = rows.iter().find(|row| row.system == system);
-                let value = |name| row?.values.iter().find(|(n, _)| *n == name).and_then(|(_, v)| *v);
-                match (value("ssim"), value("psnr")) {
-                    (Some(ssim), Some(psnr)) => format!("{system}: SSIM {ssim:.3}, {psnr:.1} dB"),
-                    _ => system.to_owned(),
-                }
-            };
-            let against = if interpolators.is_empty() { "PSNR" } else { "PSNR above the best interpolator" };
             let title = format!(
                 "{}, row {}, column {}, sketch \"{}\", seed {seed}: {against} {margin:+.2} dB",
                 area.name, cell.row, cell.col, sketch.name
             );
-            let picture = sheet(patch, &area.dem, &title, caption)?;
             let name =
-                format!("{}-{:02}-{}_{}-{}.png", area.name, i + 1, cell.row, cell.col, plain(&sketch.name));
-            picture.write_png(&record.path("pictures").join(name))?;
+                format!("{}-{:02}-{}_{}-{}", area.name, i + 1, cell.row, cell.col, plain(&sketch.name));
+            gallery.keep(&name, &sheet(area, patch, &rows, title)?)?;
         }
     }
     Ok(())
@@ -80,22 +149,17 @@ pub(super) fn write(resolved: &Resolved, record: &Record, systems: SystemsOf<'_>
 /// PSNR of the system above the best interpolator on that patch, dB; its PSNR when there is no interpolator.
 fn margin(
     table: &ScoreTable,
-    area: &str,
+    gallery: &Gallery<'_>,
+    area: &Area,
     cell: Cell,
-    seed: u64,
-    sketch: &str,
-    system: &str,
+    sketch: &SketchSpec,
     interpolators: &[String],
 ) -> Option<f64> {
     let column = table.column("psnr")?;
-    let rows = || {
-        table.rows.iter().filter(move |row| {
-            let k = &row.key;
-            (k.area.as_str(), k.row, k.col, k.seed, k.sketch.as_str())
-                == (area, cell.row, cell.col, seed, sketch)
-        })
-    };
-    let own = rows().find(|row| row.key.system == system)?.values[column]?;
+    let here = (&area.name, cell.row, cell.col, gallery.seed, &sketch.name);
+    let is_here = |k: &super::rows::Key| (&k.area, k.row, k.col, k.seed, &k.sketch) == here;
+    let rows = || table.rows.iter().filter(|row| is_here(&row.key));
+    let own = rows().find(|row| row.key.system == gallery.highlight)?.values[column]?;
     let others =
         rows().filter(|row| interpolators.contains(&row.key.system)).filter_map(|row| row.values[column]);
     let best = others.fold(f64::NEG_INFINITY, f64::max);
@@ -103,29 +167,20 @@ fn margin(
 }
 
 /// Truth, lines and every system's terrain beside each other, in the same colours.
-fn sheet(patch: &Rebuilt, area: &Dem, title: &str, caption: impl Fn(&str) -> String) -> Result<Picture> {
-    let metres = |unit: &Grid<f32>| -> Result<Dem> {
-        let heights = unit.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
-        Dem::with_voids(heights, patch.valid.clone(), area.cell_size())
-    };
-    let truth = metres(&patch.truth)?;
-    let relief = Relief::with_palette(Palette::Alpine).scaled(SCALE).fixed_for(&truth);
-    let drawn = relief.draw(&truth)?;
+fn sheet(area: &Area, patch: &Rebuilt, rows: &[Measured], title: String) -> Result<Picture> {
+    let painter = Painter::of_patch(area, patch.origin)?;
+    let drawn = painter.draw(&patch.truth, &patch.valid)?;
     let mut lined = drawn.clone();
     LineArt::from(&patch.lines).overlay(&mut lined, &LineStyle::default())?;
     let mut sheet =
         Sheet::new(COLUMNS).title(title).panel(drawn, "truth").panel(lined, "its lines, as given");
-    for (name, output) in &patch.outputs {
-        if let Some(output) = output {
-            sheet = sheet.panel(relief.draw(&metres(output)?)?, caption(name));
-        }
+    for (name, output) in patch.outputs.iter().filter_map(|(name, output)| Some((name, output.as_ref()?))) {
+        let values = rows.iter().find(|row| row.system == *name).map_or(&[][..], |row| &row.values);
+        let caption = match (value_of(values, "ssim"), value_of(values, "psnr")) {
+            (Some(ssim), Some(psnr)) => format!("{name}: SSIM {ssim:.3}, {psnr:.1} dB"),
+            _ => name.clone(),
+        };
+        sheet = sheet.panel(painter.draw(output, &patch.valid)?, caption);
     }
-    let range = patch.normalization;
-    let bar = ColorBar::new(relief.palette, range.low(), range.high(), "Height, m")?;
-    sheet.color_bar(bar).scale_bar(area.cell_size().x() / SCALE as f64).draw()
-}
-
-/// A name as a part of a file's name.
-pub(super) fn plain(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
+    painter.finish(sheet)
 }

@@ -1,4 +1,4 @@
-//! The folder of a run: what was asked, what came out, on which machine.
+//! The folder of a run: the experiment, its scores, the machine.
 //!
 //! | file | what |
 //! |---|---|
@@ -8,22 +8,31 @@
 //! | `styles/` | the trained styles, by a hash of configuration, exemplar and seed |
 //! | `scores.csv` | all rows in the experiment's order; the same bytes in every run |
 //! | `timings.csv`, `training.csv` | seconds of every row, and of every training |
-//! | `exemplars.csv`, `states.csv`, `stages.csv` | what some kinds know beside the scores  |
-//! | `pictures/`, `plots/` | PNG of a few patches, SVG of the scores |
-//! | `report.html` | all of it to be read |
+//! | `exemplars.csv`, `states.csv`, `stages.csv` | what some protocols know beside the scores |
+//! | `pictures/`, `plots/`, `report.html` | to be looked at |
+//!
+//! [`pack`](Record::pack) keeps of it what a repository should hold: tables as `.csv.xz`, which are read like the others, and
+//! `summary.md`.
 
-use super::extras::STAGE_HEAD;
-use super::rows::{Key, ScoreRow, ScoreTable, csv_lines};
+use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint, csv_lines, csv_table};
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
 use crate::file;
 use crate::machine;
+use lzma_rust2::{XzOptions, XzReader, XzWriter};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// No file of a record is larger.
 const LARGEST: u64 = 1 << 30;
+/// Tables that are kept, compressed.
+const KEPT: [&str; 6] =
+    ["scores.csv", "training.csv", "exemplars.csv", "states.csv", "stages.csv", "peers.csv"];
+/// What a run needs to continue or makes for the eye.
+const PASSING: [&str; 6] = ["journal.csv", "timings.csv", "styles", "pictures", "plots", "report.html"];
 
 /// A record's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,8 +78,9 @@ pub struct Session {
     pub peak_memory_mb: u64,
 }
 
-/// What is known of one training.
-#[derive(Clone, Debug, PartialEq)]
+/// What is known of one training: a row of `training.csv`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct TrainingRow {
     /// The style.
     pub style: String,
@@ -88,25 +98,43 @@ pub struct TrainingRow {
     pub preparation_seconds: f64,
     /// Median seconds of a step.
     pub seconds_per_epoch: f64,
-    /// What is known of its detail; none without.
-    pub detail: Option<DetailRow>,
+    /// Seconds to learn the detail; none without.
+    pub detail_seconds: Option<f64>,
+    /// What strength 1 of the detail is worth.
+    pub detail_gain: Option<f64>,
+    /// PSNR of the exemplar that generators rebuild, decibels; patches rebuild none.
+    pub detail_psnr: Option<f64>,
     /// Why it failed; empty when it did not.
     pub error: String,
 }
 
-/// What is known of the detail of a training.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DetailRow {
-    /// Seconds of its training.
-    pub seconds: f64,
-    /// What strength 1 is worth.
-    pub gain: f64,
-    /// PSNR of the rebuilt exemplar, decibels; patches rebuild none.
-    pub psnr: Option<f64>,
+/// Seconds and memory of a stage: a row of `stages.csv`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StageRow {
+    pub(super) stage: String,
+    pub(super) system: String,
+    /// How often it was measured.
+    pub(super) n: usize,
+    /// Mean.
+    pub(super) seconds: f64,
+    /// Largest memory of the process up to then.
+    pub(super) peak_memory_mb: Option<u64>,
 }
 
-/// A finished row with the seconds that it took.
-pub type Timed = (ScoreRow, f64);
+impl StageRow {
+    /// The mean of several measurements.
+    pub(super) fn new(stage: &str, system: &str, seconds: &[f64], peak: Option<u64>) -> Self {
+        let mean = seconds.iter().sum::<f64>() / seconds.len().max(1) as f64;
+        Self {
+            stage: stage.to_owned(),
+            system: system.to_owned(),
+            n: seconds.len(),
+            seconds: (mean * 1e5).round() / 1e5,
+            peak_memory_mb: peak.map(|bytes| bytes / 1_000_000),
+        }
+    }
+}
 
 impl MachineInfo {
     /// This program on this machine.
@@ -114,7 +142,7 @@ impl MachineInfo {
     pub fn here() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            revision: machine::revision().unwrap_or_default(),
+            revision: machine::revision().unwrap_or_default().to_owned(),
             program_sha256: machine::program_sha256().unwrap_or_default(),
             system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             cores: machine::cores().unwrap_or_default(),
@@ -146,20 +174,11 @@ impl Record {
         let here = MachineInfo::here();
         let path = self.path("resolved.toml");
         if restart {
-            for name in [
-                "journal.csv",
-                "machine.toml",
-                "styles",
-                "scores.csv",
-                "timings.csv",
-                "training.csv",
-                "exemplars.csv",
-                "states.csv",
-                "stages.csv",
-                "peers.csv",
-            ] {
+            for name in KEPT {
                 file::remove(&self.path(name))?;
+                file::remove(&self.path(&format!("{name}.xz")))?;
             }
+            PASSING.iter().try_for_each(|name| file::remove(&self.path(name)))?;
         } else if path.exists() && self.path("journal.csv").exists() {
             let mut old = ExperimentSpec::read(&path)?;
             // Words may change as long as nothing that is computed does.
@@ -172,16 +191,18 @@ impl Record {
             let machine = self.machine()?;
             if machine.program_sha256 != here.program_sha256 {
                 let allowed = format!(
-                    "this is another build of the program ({}): add --restart to begin anew, because one record does not mix \
-                     two",
+                    "this is another build of the program ({}): add --restart to start over, because one record does not mix two",
                     here.revision
                 );
                 return Err(Error::file(&self.path("machine.toml"), "revision", machine.revision, allowed));
             }
             file::write_bytes(&path, spec.to_toml().as_bytes())?;
             return Ok(machine);
+        } else if self.has("scores.csv") {
+            let allowed = "it holds a finished record: name another --out, or add --restart to replace it";
+            return Err(Error::file(&self.folder, "record", "packed", allowed));
         }
-        file::create_folder(&self.path(""))?;
+        file::create_folder(&self.folder)?;
         file::write_bytes(&path, spec.to_toml().as_bytes())?;
         self.write_machine(&here)?;
         file::append(&self.path("journal.csv"), "")?;
@@ -201,9 +222,8 @@ impl Record {
     /// # Errors
     /// When the record does not say, or it cannot be read.
     pub fn machine(&self) -> Result<MachineInfo> {
-        let path = self.path("machine.toml");
-        toml::from_str(&self.text("machine.toml")?)
-            .map_err(|e| Error::file(&path, "machine", e, "allowed: what a run writes"))
+        let bad = |e| Error::file(&self.path("machine.toml"), "machine", e, "allowed: what a run writes");
+        toml::from_str(&self.text("machine.toml")?).map_err(bad)
     }
 
     /// Writes down program and machine.
@@ -238,22 +258,18 @@ impl Record {
             file::write_bytes(&path, whole.as_bytes())?;
         }
         let bad = |line: usize, e: &dyn std::fmt::Display| {
-            Error::file(
-                &path,
-                format!("line {line}"),
-                e,
-                "the journal is damaged: add --restart to begin anew",
-            )
+            let allowed = "the journal is damaged: add --restart to start over";
+            Error::file(&path, format!("line {line}"), e, allowed)
         };
         let mut reader =
             csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(whole.as_bytes());
         let mut rows = BTreeMap::new();
         for (i, line) in reader.records().enumerate() {
-            let line = line.map_err(|e| bad(i + 1, &e))?;
-            let fields: Vec<&str> = line.iter().collect();
-            let (seconds, fields) = fields.split_last().ok_or_else(|| bad(i + 1, &"empty"))?;
-            let seconds = seconds.parse().map_err(|_| bad(i + 1, seconds))?;
-            let row = ScoreRow::of_fields(fields, columns).map_err(|e| bad(i + 1, &e))?;
+            let mut line = line.map_err(|e| bad(i + 1, &e))?;
+            let seconds = line.get(line.len().saturating_sub(1)).unwrap_or_default();
+            let seconds: f64 = seconds.parse().map_err(|_| bad(i + 1, &seconds))?;
+            line.truncate(line.len() - 1);
+            let row = ScoreRow::read(&line, columns).map_err(|e| bad(i + 1, &e))?;
             rows.insert(row.key.clone(), (row, seconds));
         }
         Ok(rows)
@@ -264,12 +280,8 @@ impl Record {
     /// # Errors
     /// When the file cannot be written.
     pub fn note(&self, rows: &[Timed]) -> Result<()> {
-        let lines = rows.iter().map(|(row, seconds)| {
-            let mut fields = row.fields();
-            fields.push(format!("{seconds:.4}"));
-            fields
-        });
-        file::append(&self.path("journal.csv"), &csv_lines(lines))
+        let lines = rows.iter().map(|(row, seconds)| (row, format!("{seconds:.4}")));
+        file::append(&self.path("journal.csv"), &csv_lines(lines)?)
     }
 
     /// Writes `scores.csv` and `timings.csv`.
@@ -277,127 +289,31 @@ impl Record {
     /// # Errors
     /// When a file cannot be written.
     pub fn write_scores(&self, columns: &[&str], rows: &[Timed]) -> Result<()> {
-        let names = columns.iter().map(|&name| name.to_owned()).collect();
-        let table = ScoreTable { columns: names, rows: rows.iter().map(|(row, _)| row.clone()).collect() };
-        let header =
-            ["system", "area", "row", "col", "seed", "sketch", "seconds"].map(str::to_owned).to_vec();
-        let times = rows.iter().map(|(row, seconds)| {
-            let mut fields = row.fields();
-            fields.truncate(6);
-            fields.push(format!("{seconds:.4}"));
-            fields
-        });
-        file::write_bytes(
-            &self.path("timings.csv"),
-            csv_lines(std::iter::once(header).chain(times)).as_bytes(),
-        )?;
-        file::write_bytes(&self.path("scores.csv"), table.to_csv().as_bytes())
+        let columns = columns.iter().map(|&name| name.to_owned()).collect();
+        let table = ScoreTable { columns, rows: rows.iter().map(|(row, _)| row.clone()).collect() };
+        let header = ["system", "area", "row", "col", "seed", "sketch", "seconds"];
+        let times = csv_lines(rows.iter().map(|(row, seconds)| (&row.key, format!("{seconds:.4}"))))?;
+        file::write_bytes(&self.path("timings.csv"), (csv_lines([header])? + &times).as_bytes())?;
+        file::write_bytes(&self.path("scores.csv"), table.to_csv()?.as_bytes())
     }
 
-    /// Writes `training.csv`.
+    /// Writes a table, whose header names the fields of its rows.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write_training(&self, rows: &[TrainingRow]) -> Result<()> {
-        let header = "style,area,seed,parameters,epochs,seconds,preparation_seconds,seconds_per_epoch,\
-                      detail_seconds,detail_gain,detail_psnr,error";
-        let lines = rows.iter().map(|r| {
-            let number = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.3}"));
-            vec![
-                r.style.clone(),
-                r.area.clone(),
-                r.seed.to_string(),
-                r.parameters.to_string(),
-                r.epochs.to_string(),
-                format!("{:.3}", r.seconds),
-                format!("{:.3}", r.preparation_seconds),
-                format!("{:.5}", r.seconds_per_epoch),
-                number(r.detail.map(|d| d.seconds)),
-                number(r.detail.map(|d| d.gain)),
-                number(r.detail.and_then(|d| d.psnr)),
-                r.error.replace(['\n', '\r'], " "),
-            ]
-        });
-        let header = header.split(',').map(str::to_owned).collect();
-        file::write_bytes(
-            &self.path("training.csv"),
-            csv_lines(std::iter::once(header).chain(lines)).as_bytes(),
-        )
+    pub fn write_table<T: Serialize>(&self, name: &str, rows: &[T]) -> Result<()> {
+        file::write_bytes(&self.path(name), csv_table(rows)?.as_bytes())
     }
 
-    /// The trainings of a finished run.
+    /// The rows of a table; none when the record has no such table.
     ///
     /// # Errors
-    /// When there are none yet, or they cannot be read.
-    pub fn training(&self) -> Result<Vec<TrainingRow>> {
-        let path = self.path("training.csv");
-        let text = self.text("training.csv")?;
-        let mut reader = csv::Reader::from_reader(text.as_bytes());
-        let head =
-            reader.headers().map_err(|e| Error::file(&path, "line 1", e, "allowed: what a run writes"))?;
-        let column = |name: &str| head.iter().position(|h| h == name);
-        // Records from before styles had detail here lack its columns.
-        let [detail_seconds, detail_gain, detail_psnr, error] =
-            ["detail_seconds", "detail_gain", "detail_psnr", "error"].map(column);
-        let row = |(i, line): (usize, csv::Result<csv::StringRecord>)| {
-            let bad = |e: &dyn std::fmt::Display| {
-                Error::file(&path, format!("line {}", i + 2), e, "allowed: what a run writes")
-            };
-            let line = line.map_err(|e| bad(&e))?;
-            let field = |k: usize| line.get(k).unwrap_or_default();
-            let number = |k: usize| field(k).parse::<f64>().map_err(|_| bad(&field(k)));
-            let optional = |k: Option<usize>| k.filter(|&k| !field(k).is_empty()).map(number).transpose();
-            let detail = match (optional(detail_seconds)?, optional(detail_gain)?) {
-                (Some(seconds), Some(gain)) => {
-                    Some(DetailRow { seconds, gain, psnr: optional(detail_psnr)? })
-                }
-                _ => None,
-            };
-            Ok(TrainingRow {
-                style: field(0).to_owned(),
-                area: field(1).to_owned(),
-                seed: field(2).parse().map_err(|_| bad(&field(2)))?,
-                parameters: number(3)? as usize,
-                epochs: number(4)? as usize,
-                seconds: number(5)?,
-                preparation_seconds: number(6)?,
-                seconds_per_epoch: number(7)?,
-                detail,
-                error: error.map_or("", field).to_owned(),
-            })
-        };
-        reader.records().enumerate().map(row).collect()
-    }
-
-    /// Writes a table beside the scores.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn write_table(&self, name: &str, head: &[&str], rows: Vec<Vec<String>>) -> Result<()> {
-        let head = head.iter().map(|&name| name.to_owned()).collect();
-        file::write_bytes(&self.path(name), csv_lines(std::iter::once(head).chain(rows)).as_bytes())
-    }
-
-    /// The rows of a table beside the scores, without its head; none when the record has no such table.
-    ///
-    /// # Errors
-    /// When the file cannot be read or a line has not as many fields as `head`.
-    pub fn table(&self, name: &str, head: &[&str]) -> Result<Option<Vec<Vec<String>>>> {
-        let path = self.path(name);
-        if !path.is_file() {
-            return Ok(None);
+    /// When the file cannot be read or a line is not such a row.
+    pub fn table<T: DeserializeOwned>(&self, name: &str) -> Result<Vec<T>> {
+        if !self.has(name) {
+            return Ok(Vec::new());
         }
-        let text = self.text(name)?;
-        let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
-        let bad = |line: usize, found: &dyn std::fmt::Display| {
-            Error::file(&path, format!("line {line}"), found, format!("allowed: {}", head.join(",")))
-        };
-        let row = |(i, line): (usize, csv::Result<csv::StringRecord>)| {
-            let line = line.map_err(|e| bad(i + 2, &e))?;
-            let fields: Vec<String> = line.iter().map(str::to_owned).collect();
-            if fields.len() == head.len() { Ok(fields) } else { Err(bad(i + 2, &fields.join(","))) }
-        };
-        reader.records().enumerate().map(row).collect::<Result<_>>().map(Some)
+        table_of(&self.path(name), &self.text(name)?)
     }
 
     /// Takes seconds and memory that others measured into the record: a CSV file with the columns of `stages.csv`.
@@ -405,14 +321,14 @@ impl Record {
     /// # Errors
     /// When the file cannot be read or is not such a table.
     pub fn add_peers(&self, path: &Path) -> Result<()> {
-        let text = String::from_utf8(file::read_whole(path, LARGEST)?)
-            .map_err(|e| Error::file(path, "text", e, "allowed: UTF-8"))?;
+        let text = file::read_text(path, LARGEST)?;
         let head = text.lines().next().unwrap_or_default().trim();
-        if head != STAGE_HEAD.join(",") {
-            return Err(Error::file(path, "line 1", head, format!("allowed: {}", STAGE_HEAD.join(","))));
+        let expected = "stage,system,n,seconds,peak_memory_mb";
+        if head != expected {
+            return Err(Error::file(path, "line 1", head, format!("allowed: {expected}")));
         }
-        file::write_bytes(&self.path("peers.csv"), text.as_bytes())?;
-        self.table("peers.csv", &STAGE_HEAD).map(|_| ())
+        table_of::<StageRow>(path, &text)?;
+        file::write_bytes(&self.path("peers.csv"), text.as_bytes())
     }
 
     /// Files of a folder of the record, in the order of their names.
@@ -423,9 +339,59 @@ impl Record {
         file::list(&self.path(name))
     }
 
-    fn text(&self, name: &str) -> Result<String> {
-        let path = self.path(name);
-        String::from_utf8(file::read_whole(&path, LARGEST)?)
-            .map_err(|e| Error::file(&path, "text", e, "allowed: UTF-8"))
+    /// Whether the record holds a file, as it is or compressed.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.path(name).is_file() || self.path(&format!("{name}.xz")).is_file()
     }
+
+    /// Keeps what a repository should hold: `summary.md` with the given text, compressed tables, experiment and machine. A run
+    /// cannot be continued after it.
+    ///
+    /// # Errors
+    /// When the record is not finished, or a file cannot be read or written.
+    pub fn pack(&self, summary: &str) -> Result<()> {
+        self.scores()?;
+        file::write_bytes(&self.path("summary.md"), summary.as_bytes())?;
+        for name in KEPT {
+            let path = self.path(name);
+            if !path.is_file() {
+                continue;
+            }
+            let text = file::read_whole(&path, LARGEST)?;
+            file::write_atomically(&self.path(&format!("{name}.xz")), |out| {
+                let mut xz =
+                    XzWriter::new(out, XzOptions::with_preset(9)).map_err(Error::io(&path, "compress"))?;
+                xz.write_all(&text).map_err(Error::io(&path, "compress"))?;
+                xz.finish().map(|_| ()).map_err(Error::io(&path, "compress"))
+            })?;
+            file::remove(&path)?;
+        }
+        PASSING.iter().try_for_each(|name| file::remove(&self.path(name)))
+    }
+
+    fn text(&self, name: &str) -> Result<String> {
+        let packed = self.path(&format!("{name}.xz"));
+        if self.path(name).exists() || !packed.is_file() {
+            return file::read_text(&self.path(name), LARGEST);
+        }
+        let bytes = file::read_whole(&packed, LARGEST)?;
+        let mut text = String::new();
+        let mut reader = XzReader::new(bytes.as_slice(), false).take(LARGEST);
+        reader.read_to_string(&mut text).map_err(Error::io(&packed, "decompress"))?;
+        Ok(text)
+    }
+}
+
+fn table_of<T: DeserializeOwned>(path: &Path, text: &str) -> Result<Vec<T>> {
+    let bad = |line: usize, e: &dyn std::fmt::Display| {
+        Error::file(path, format!("line {line}"), e, "allowed: what a run writes")
+    };
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let head = reader.headers().map_err(|e| bad(1, &e))?.clone();
+    let row = |(i, line): (usize, csv::Result<csv::StringRecord>)| {
+        let line = line.map_err(|e| bad(i + 2, &e))?;
+        line.deserialize(Some(&head)).map_err(|e| bad(i + 2, &complaint(&e, &line)))
+    };
+    reader.records().enumerate().map(row).collect()
 }

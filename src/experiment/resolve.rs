@@ -1,77 +1,14 @@
 //! From an experiment file to terrain in memory and a file in which nothing is left open.
 
-use super::patches::{PATCH, choose_exemplar, patch_cells};
+use super::areas::{Area, Resolved, Terrain};
+use super::protocol::SketchSource;
+use super::protocols;
 use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
-use crate::dem::manifest::Manifest;
-use crate::dem::{CellSize, Dem, bundled};
+use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
+use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
 use crate::grid::{Cell, Grid};
-use crate::systems::region_gnn::Source;
-use crate::systems::region_gnn::style::fingerprint;
-use std::path::Path;
-
-/// Where terrain comes from by name: a folder with a manifest, then the bundled tiles.
-#[derive(Clone, Debug, Default)]
-pub struct Terrain {
-    manifest: Option<Manifest>,
-}
-
-impl Terrain {
-    /// The bundled tiles, and before them the rasters of `folder` if one is given.
-    ///
-    /// # Errors
-    /// When the folder's manifest cannot be read.
-    pub fn new(folder: Option<&Path>) -> Result<Self> {
-        Ok(Self { manifest: folder.map(Manifest::read).transpose()? })
-    }
-
-    /// The terrain called `name`.
-    ///
-    /// # Errors
-    /// When there is none, or its file is not what the manifest says.
-    pub fn load(&self, name: &str) -> Result<Dem> {
-        let in_folder = |m: &&Manifest| m.areas.iter().any(|area| area.name == name);
-        if let Some(manifest) = self.manifest.as_ref().filter(in_folder) {
-            // On square cells, as every command has it.
-            let dem = manifest.load(name)?;
-            return Ok(dem.on_square_cells()?.unwrap_or(dem));
-        }
-        if bundled::names().any(|known| known == name) {
-            return bundled::load(name);
-        }
-        let mut known: Vec<&str> =
-            self.manifest.iter().flat_map(|m| &m.areas).map(|area| area.name.as_str()).collect();
-        bundled::names().for_each(|name| known.push(name));
-        let hint = if self.manifest.is_none() {
-            "; others with --data and a folder with a manifest.toml"
-        } else {
-            ""
-        };
-        Err(Error::value("area", format!("{name:?}"), format!("allowed: {}{hint}", known.join(", "))))
-    }
-}
-
-/// An area in memory.
-#[derive(Clone, Debug)]
-pub struct Area {
-    /// Its name.
-    pub name: String,
-    /// All of it.
-    pub dem: Dem,
-    /// The exemplar.
-    pub source: Source,
-    /// North-west cells of the test patches; none for `fit`.
-    pub patches: Vec<Cell>,
-}
-
-/// An experiment ready to be run.
-#[derive(Clone, Debug)]
-pub struct Resolved {
-    /// With every configuration, exemplar, patch and fingerprint written out; resolving it again changes nothing.
-    pub spec: ExperimentSpec,
-    /// Its areas, in the order of the file.
-    pub areas: Vec<Area>,
-}
+use crate::style::{Source, fingerprint};
 
 /// Fills in everything that an experiment leaves open.
 ///
@@ -89,12 +26,14 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
         let e = &area.source.info;
         entry.exemplar = Some(vec![e.row, e.col, e.rows]);
         entry.fingerprint = Some(e.source_sha256.clone());
-        entry.patches = has_patches(spec.kind).then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
+        entry.patches = protocols::of(spec.kind)
+            .has_test_patches()
+            .then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
     }
     let full = |style: &StyleSpec| -> Result<StyleSpec> {
         Ok(StyleSpec {
             name: style.name.clone(),
-            systems: if spec.kind == Kind::Fit { Vec::new() } else { spec.uses(style)? },
+            systems: if protocols::of(spec.kind).compares_uses() { spec.uses(style)? } else { Vec::new() },
             preset: None,
             set: toml::Table::new(),
             config: Some(spec.config_of(style)?),
@@ -109,7 +48,7 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     if spec.kind == Kind::Ablation {
         spec.baseline = spec.baseline.or_else(|| spec.highlight.clone());
     }
-    if !matches!(spec.kind, Kind::Fit | Kind::Exchange) {
+    if protocols::of(spec.kind).sketch_source() != SketchSource::Areas {
         spec.sketch = spec.sketches();
         for sketch in spec.sketch.iter_mut().filter(|sketch| sketch.drawing.is_none()) {
             sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
@@ -118,11 +57,6 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     }
     spec.validate()?;
     Ok(Resolved { spec, areas })
-}
-
-/// Whether an experiment tests on patches beside the exemplar.
-fn has_patches(kind: Kind) -> bool {
-    !matches!(kind, Kind::Fit | Kind::Drawings)
 }
 
 /// The terrain of an area, as coarse as the area says.
@@ -177,12 +111,7 @@ fn every_exemplar(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Vec<AreaSp
 }
 
 fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Area> {
-    let in_area = |e: Error| match e {
-        Error::Value { name, value, allowed } => {
-            Error::Value { name: format!("{name} (area {:?})", entry.name), value, allowed }
-        }
-        other => other,
-    };
+    let in_area = |e: Error| e.renamed(|name| format!("{name} (area {:?})", entry.name));
     let dem = terrain_of(entry, terrain)?;
     let found = fingerprint(&dem);
     if let Some(meant) = entry.fingerprint.as_ref().filter(|meant| **meant != found) {
@@ -195,7 +124,7 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
     };
     let source = Source::new(&entry.name, &dem, origin, side, side).map_err(in_area)?;
-    let patches = if has_patches(spec.kind) {
+    let patches = if protocols::of(spec.kind).has_test_patches() {
         patches(spec, entry, &dem, origin, side).map_err(in_area)?
     } else {
         Vec::new()

@@ -4,10 +4,12 @@
 //! digits, so that reading them back and writing them again gives the same bytes.
 
 use crate::error::{Error, Result};
+use serde::ser::SerializeSeq;
+use serde::{Deserialize, Serialize, Serializer};
 use std::path::Path;
 
 /// What a row is about.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Key {
     /// The system.
     pub system: String,
@@ -24,19 +26,25 @@ pub struct Key {
 }
 
 /// A system's scores on one patch.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ScoreRow {
     /// What it is about.
     pub key: Key,
     /// Metres of the unit interval: the patch's range.
+    #[serde(serialize_with = "number")]
     pub relief: f64,
     /// Share of the patch's cells that carry a line.
+    #[serde(serialize_with = "number")]
     pub line_share: f64,
     /// A value for each column of the table; `None` where there is no such score.
+    #[serde(serialize_with = "numbers")]
     pub values: Vec<Option<f64>>,
-    /// Why there are no scores; empty when there are.
+    /// Why there are no scores, on one line; empty when there are.
     pub error: String,
 }
+
+/// A finished row with the seconds that it took.
+pub type Timed = (ScoreRow, f64);
 
 /// Rows under columns.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,68 +57,92 @@ pub struct ScoreTable {
 
 const FIRST: [&str; 8] = ["system", "area", "row", "col", "seed", "sketch", "relief_m", "line_share"];
 
-/// A number as it is written: eight significant digits, in the shortest way.
-#[must_use]
-pub fn rounded(value: f64) -> f64 {
-    if value.is_finite() { format!("{value:.7e}").parse().unwrap_or(value) } else { value }
+/// Eight significant digits, in the shortest way; nothing for nothing.
+fn digits(value: Option<f64>) -> String {
+    let rounded = |v: f64| if v.is_finite() { format!("{v:.7e}").parse().unwrap_or(v) } else { v };
+    value.map_or_else(String::new, |v| rounded(v).to_string())
+}
+
+fn number<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&digits(Some(*value)))
+}
+
+fn numbers<S: Serializer>(values: &[Option<f64>], serializer: S) -> Result<S::Ok, S::Error> {
+    let mut list = serializer.serialize_seq(Some(values.len()))?;
+    values.iter().try_for_each(|value| list.serialize_element(&digits(*value)))?;
+    list.end()
 }
 
 impl ScoreRow {
-    /// The fields of the row's line.
+    /// A row without scores.
     #[must_use]
-    pub fn fields(&self) -> Vec<String> {
-        let k = &self.key;
-        let mut fields = vec![k.system.clone(), k.area.clone(), k.row.to_string(), k.col.to_string()];
-        fields.extend([k.seed.to_string(), k.sketch.clone()]);
-        fields.extend([rounded(self.relief).to_string(), rounded(self.line_share).to_string()]);
-        fields.extend(self.values.iter().map(|v| v.map_or_else(String::new, |v| rounded(v).to_string())));
-        fields.push(self.error.replace(['\n', '\r'], " "));
-        fields
+    pub fn failed(key: Key, columns: usize, error: &str) -> Self {
+        let error = error.replace(['\n', '\r'], " ");
+        Self { key, relief: 0.0, line_share: 0.0, values: vec![None; columns], error }
     }
 
     /// The row in the fields of a line with `columns` scores.
     ///
     /// # Errors
     /// When a field is missing or not what it should be.
-    pub fn of_fields(fields: &[&str], columns: usize) -> Result<Self> {
-        if fields.len() != FIRST.len() + columns + 1 {
-            let allowed = format!("allowed: {}", FIRST.len() + columns + 1);
-            return Err(Error::value("number of fields", fields.len(), allowed));
+    pub fn read(line: &csv::StringRecord, columns: usize) -> Result<Self> {
+        let expected = FIRST.len() + columns + 1;
+        if line.len() != expected {
+            return Err(Error::value("number of fields", line.len(), format!("allowed: {expected}")));
         }
-        let key = Key {
-            system: fields[0].to_owned(),
-            area: fields[1].to_owned(),
-            row: number(FIRST[2], fields[2])?,
-            col: number(FIRST[3], fields[3])?,
-            seed: number(FIRST[4], fields[4])?,
-            sketch: fields[5].to_owned(),
+        let (key, relief, line_share): (Key, f64, f64) =
+            line.deserialize(None).map_err(|e| complaint(&e, line))?;
+        let value = |text: &str| {
+            if text.is_empty() {
+                return Ok(None);
+            }
+            text.parse()
+                .map(Some)
+                .map_err(|_| Error::value("score", format!("{text:?}"), "allowed: a number"))
         };
-        let scores = &fields[FIRST.len()..FIRST.len() + columns];
-        let value = |text: &&str| if text.is_empty() { Ok(None) } else { number("score", text).map(Some) };
-        Ok(Self {
-            key,
-            relief: number(FIRST[6], fields[6])?,
-            line_share: number(FIRST[7], fields[7])?,
-            values: scores.iter().map(value).collect::<Result<_>>()?,
-            error: fields[FIRST.len() + columns].to_owned(),
-        })
+        let values = line.iter().skip(FIRST.len()).take(columns).map(value).collect::<Result<_>>()?;
+        let error = line.get(expected - 1).unwrap_or_default().to_owned();
+        Ok(Self { key, relief, line_share, values, error })
     }
 }
 
-fn number<T: std::str::FromStr>(name: &str, text: &str) -> Result<T> {
-    text.parse().map_err(|_| Error::value(name, format!("{text:?}"), "allowed: a number"))
+/// What is wrong with a line, with the field.
+pub(super) fn complaint(error: &csv::Error, line: &csv::StringRecord) -> Error {
+    let field = match error.kind() {
+        csv::ErrorKind::Deserialize { err, .. } => err.field().and_then(|i| line.get(i as usize)),
+        _ => None,
+    };
+    let found = field.map_or_else(|| "damaged".to_owned(), |text| format!("{text:?}"));
+    Error::value("field", found, format!("the reader says: {error}"))
+}
+
+/// Lines of CSV without a header.
+pub(super) fn csv_lines<T: Serialize>(lines: impl IntoIterator<Item = T>) -> Result<String> {
+    let mut writer = csv::WriterBuilder::new().has_headers(false).flexible(true).from_writer(Vec::new());
+    finish(lines.into_iter().try_for_each(|line| writer.serialize(line)), writer)
+}
+
+/// A table of CSV whose header names the fields of its rows.
+pub(super) fn csv_table<T: Serialize>(rows: &[T]) -> Result<String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    finish(rows.iter().try_for_each(|row| writer.serialize(row)), writer)
+}
+
+fn finish(written: csv::Result<()>, writer: csv::Writer<Vec<u8>>) -> Result<String> {
+    let plain = |e: &dyn std::fmt::Display| Error::value("table", e, "allowed: plain rows");
+    written.map_err(|e| plain(&e))?;
+    String::from_utf8(writer.into_inner().map_err(|e| plain(&e))?).map_err(|e| plain(&e))
 }
 
 impl ScoreTable {
     /// The table as CSV, a header first.
-    #[must_use]
-    pub fn to_csv(&self) -> String {
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub fn to_csv(&self) -> Result<String> {
         let columns = self.columns.iter().map(String::as_str);
         let header: Vec<&str> = FIRST.into_iter().chain(columns).chain(["error"]).collect();
-        csv_lines(
-            std::iter::once(header.into_iter().map(str::to_owned).collect())
-                .chain(self.rows.iter().map(ScoreRow::fields)),
-        )
+        Ok(csv_lines([header])? + &csv_lines(&self.rows)?)
     }
 
     /// Reads a table back.
@@ -119,32 +151,24 @@ impl ScoreTable {
     /// When the text is not such a table; the message names the line.
     pub fn of_csv(path: &Path, text: &str) -> Result<Self> {
         let bad = |line: usize, e: &dyn std::fmt::Display| {
-            Error::file(
-                path,
-                format!("line {line}"),
-                e,
-                "allowed: a table of scores as `experiment run` writes it",
-            )
+            let allowed = "allowed: a table of scores as `experiment run` writes it";
+            Error::file(path, format!("line {line}"), e, allowed)
         };
-        let mut reader =
-            csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(text.as_bytes());
-        let mut lines = reader.records();
-        let header = lines.next().ok_or_else(|| bad(1, &"missing"))?.map_err(|e| bad(1, &e))?;
-        let names: Vec<&str> = header.iter().collect();
-        let is_table = names.len() > FIRST.len() + 1
-            && names[..FIRST.len()] == FIRST
-            && names[names.len() - 1] == "error";
-        if !is_table {
-            return Err(bad(1, &names.join(",")));
-        }
-        let columns: Vec<String> =
-            names[FIRST.len()..names.len() - 1].iter().map(|&n| n.to_owned()).collect();
-        let rows = lines.enumerate().map(|(i, line)| {
+        let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+        let head = reader.headers().map_err(|e| bad(1, &e))?.clone();
+        let names: Vec<&str> = head.iter().collect();
+        let columns = match names.strip_prefix(&FIRST) {
+            Some([columns @ .., "error"]) if !columns.is_empty() => columns,
+            _ => return Err(bad(1, &names.join(","))),
+        };
+        let rows = reader.records().enumerate().map(|(i, line)| {
             let line = line.map_err(|e| bad(i + 2, &e))?;
-            ScoreRow::of_fields(&line.iter().collect::<Vec<_>>(), columns.len()).map_err(|e| bad(i + 2, &e))
+            ScoreRow::read(&line, columns.len()).map_err(|e| bad(i + 2, &e))
         });
-        let rows = rows.collect::<Result<_>>()?;
-        Ok(Self { columns, rows })
+        Ok(Self {
+            rows: rows.collect::<Result<_>>()?,
+            columns: columns.iter().map(|&n| n.to_owned()).collect(),
+        })
     }
 
     /// Place of a column.
@@ -152,19 +176,6 @@ impl ScoreTable {
     pub fn column(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column == name)
     }
-}
-
-/// Lines of CSV, fields quoted where they must be.
-///
-/// # Panics
-/// Never: memory takes every byte.
-pub(super) fn csv_lines(lines: impl IntoIterator<Item = Vec<String>>) -> String {
-    let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
-    for line in lines {
-        writer.write_record(&line).expect("memory takes every line");
-    }
-    let bytes = writer.into_inner().expect("memory takes every byte");
-    String::from_utf8(bytes).expect("the fields were text")
 }
 
 #[cfg(test)]
@@ -187,22 +198,17 @@ mod tests {
             values: vec![Some(0.1 + 0.2), None, Some(f64::INFINITY), Some(3.2e-7)],
             error: String::new(),
         };
-        let failed = ScoreRow {
-            key: key(u64::MAX),
-            relief: 0.0,
-            line_share: 0.0,
-            values: vec![None; 4],
-            error: "a \"quoted\",\nbroken line".into(),
-        };
+        let failed = ScoreRow::failed(key(u64::MAX), 4, "a \"quoted\",\nbroken line");
         ScoreTable { columns: ["a", "b", "c", "d"].map(str::to_owned).to_vec(), rows: vec![scored, failed] }
     }
 
     #[test]
     fn writing_and_reading_settles_at_once() {
-        let path = Path::new("scores.csv");
-        let text = table().to_csv();
-        let back = ScoreTable::of_csv(path, &text).unwrap();
-        assert_eq!(back.to_csv(), text);
+        let text = table().to_csv().unwrap();
+        let expected = "gnn+a,alps,128,0,1,\"order 3, thin\",1234.5,0.33333333,0.3,,inf,0.00000032,\n";
+        assert_eq!(text.split_inclusive('\n').nth(1), Some(expected));
+        let back = ScoreTable::of_csv(Path::new("scores.csv"), &text).unwrap();
+        assert_eq!(back.to_csv().unwrap(), text);
         assert_eq!(back.rows[0].values, [Some(0.3), None, Some(f64::INFINITY), Some(3.2e-7)]);
         assert_eq!(back.rows[1].error, "a \"quoted\", broken line");
         assert_eq!(back.rows[1].key, table().rows[1].key);
@@ -211,7 +217,7 @@ mod tests {
 
     #[test]
     fn damage_is_found_and_named() {
-        let text = table().to_csv();
+        let text = table().to_csv().unwrap();
         let refused = |text: &str| ScoreTable::of_csv(Path::new("s.csv"), text).unwrap_err().to_string();
         assert!(refused("").contains("line 1"));
         assert!(refused("system,area\n").contains("line 1"));

@@ -3,32 +3,24 @@
 //! In: a [`Resolved`] experiment and a folder. Out: the record ([`Record`]). The scores do not depend on the number of jobs
 //! or threads, nor on how often the run was interrupted. Cost: the trainings, each with the memory of one.
 
-use super::measure::{Systems, home_of, measure};
-use super::record::{DetailRow, Record, Session, Timed, TrainingRow};
-use super::resolve::{Area, Resolved};
-use super::rows::{Key, ScoreRow};
-use super::spec::{DetailSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
-use super::{extras, fit};
+use super::areas::{Area, Resolved};
+use super::events::{Event, without_panic};
+use super::measure::{Task, value_of};
+use super::pictures::Gallery;
+use super::protocol::{Finished, Protocol};
+use super::protocols;
+use super::record::{Record, Session};
+use super::rows::{Key, ScoreRow, Timed};
+use super::spec::{ExperimentSpec, SketchSpec};
+use super::styles::Styles;
 use crate::error::{Error, Result};
-use crate::file;
 use crate::grid::Cell;
 use crate::machine;
-use crate::seed::Seed;
-use crate::systems::pipeline::{StyleDetail, detail_of, learn_detail, take_patches, unseen_surface};
-use crate::systems::region_gnn::style::{StyleConfig, learn_with};
-use crate::systems::region_gnn::{Checkpoints, Control, EpochReport, GenerationConfig, Style};
-use crate::systems::registry;
-use crate::systems::singan;
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
-
-/// Time between two states of a training that are kept: what an interruption can cost.
-const CHECKPOINTS: Duration = Duration::from_secs(30);
+use std::time::Instant;
 
 /// How to run.
 #[derive(Clone, Debug)]
@@ -37,37 +29,10 @@ pub struct RunOptions {
     pub out: PathBuf,
     /// Styles trained at once, at least 1.
     pub jobs: usize,
-    /// Begin anew, whatever the folder holds.
+    /// Start over, whatever the folder holds.
     pub restart: bool,
     /// The folder of trained styles, which several experiments may share; none is the record's own.
     pub styles: Option<PathBuf>,
-}
-
-/// What happens while an experiment runs; told from several threads.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Event {
-    /// So many styles are to be trained, in so many steps.
-    Training {
-        /// Styles.
-        styles: usize,
-        /// Styles that an earlier run has trained.
-        cached: usize,
-        /// Steps of all that are left.
-        steps: u64,
-    },
-    /// So many steps of a training more are done.
-    Steps(u64),
-    /// So many rows are to be scored.
-    Scoring {
-        /// Rows left.
-        rows: u64,
-        /// Rows that an earlier run has scored.
-        kept: u64,
-    },
-    /// So many rows more are scored.
-    Scored(u64),
-    /// Something failed, which is a row with its error.
-    Failed(String),
 }
 
 /// What a run did.
@@ -81,20 +46,6 @@ pub struct Outcome {
     pub seconds: f64,
 }
 
-/// A style that is to be there: of which area, configured how, with which seed.
-struct Wanted<'a> {
-    area: &'a Area,
-    style: &'a StyleSpec,
-    config: StyleConfig,
-    seed: u64,
-    path: PathBuf,
-    /// Where the same style without detail is, if there is one.
-    coarse: PathBuf,
-}
-
-/// A trained style, or why there is none.
-type Trained = std::result::Result<Style, String>;
-
 /// Runs what of the experiment is not yet in the record.
 ///
 /// # Errors
@@ -106,22 +57,20 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     }
     let started = Instant::now();
     let spec = &resolved.spec;
+    let protocol = protocols::of(spec.kind);
     let record = Record::new(&options.out);
     let mut machine = record.begin(spec, options.restart)?;
     let columns = spec.columns();
     let finished = record.journal(columns.len())?;
 
-    let first = if spec.kind == Kind::Cost { extras::preparation(resolved)? } else { Vec::new() };
+    protocol.before_training(resolved, &record)?;
     let folder = options.styles.clone().unwrap_or_else(|| record.path("styles"));
-    file::create_folder(&folder)?;
-    let wanted = wanted(resolved, &folder)?;
-    let (styles, trained) = train_all(&wanted, options.jobs, watch)?;
-    let trainings: Vec<TrainingRow> =
-        wanted.iter().zip(&styles).map(|(wanted, style)| training_row(wanted, style)).collect();
-    record.write_training(&trainings)?;
-    let peak_of_training = machine::peak_memory();
+    let styles = Styles::train(resolved, &folder, options.jobs, watch)?;
+    let trainings = styles.rows();
+    record.write_table("training.csv", &trainings)?;
+    let (peak_of_training, trained) = (machine::peak_memory(), styles.trained);
 
-    let plan = Plan { resolved, columns: &columns, wanted: &wanted, styles: &styles, record: &record };
+    let plan = Plan { resolved, protocol, columns: &columns, styles, record: &record };
     let (rows, scored) = plan.score_all(finished, watch)?;
     record.write_scores(&columns, &rows)?;
     machine.session.push(Session {
@@ -133,16 +82,17 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
         peak_memory_mb: machine::peak_memory().unwrap_or_default() / 1_000_000,
     });
     record.write_machine(&machine)?;
-    match spec.kind {
-        Kind::Exemplar => extras::exemplars(resolved, &record)?,
-        Kind::Cost => extras::stages(&record, first, &trainings, peak_of_training, &rows)?,
-        Kind::Disentanglement => {
-            extras::places(resolved, &record, &|area, seed| plan.systems(area, seed, true))?
-        }
-        _ => {}
-    }
+    protocol.after_scoring(&Finished {
+        resolved,
+        styles: &plan.styles,
+        record: &record,
+        trainings: &trainings,
+        peak_of_training,
+        rows: &rows,
+    })?;
     if spec.pictures > 0 {
-        super::pictures::write(resolved, &record, &|area, seed| plan.systems(area, seed, true))?;
+        let gallery = Gallery::new(resolved, &plan.styles, &record)?;
+        protocol.pictures(&gallery)?;
     }
     Ok(Outcome {
         rows: rows.len(),
@@ -151,187 +101,21 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     })
 }
 
-/// Every style of every area and seed.
-fn wanted<'a>(resolved: &'a Resolved, folder: &Path) -> Result<Vec<Wanted<'a>>> {
-    let mut all = Vec::new();
-    for area in &resolved.areas {
-        for style in &resolved.spec.style {
-            let config = resolved.spec.config_of(style)?;
-            for &seed in &resolved.spec.seeds {
-                let path = |detail| -> Result<PathBuf> {
-                    Ok(folder.join(format!("{}.safetensors", hash(&config, detail, area, seed)?)))
-                };
-                let (path, coarse) = (path(style.detail.as_ref())?, path(None)?);
-                all.push(Wanted { area, style, config: config.clone(), seed, path, coarse });
-            }
-        }
-    }
-    Ok(all)
-}
-
-/// What a training depends on: not how terrain is made with the style, but for the correction, which is part of how well it
-/// rebuilds its exemplar.
-fn of_training(config: &StyleConfig) -> StyleConfig {
-    let generation =
-        GenerationConfig { correction: config.generation.correction, ..GenerationConfig::default() };
-    StyleConfig { generation, ..config.clone() }
-}
-
-/// Tells trained styles apart by all that they depend on.
-fn hash(config: &StyleConfig, detail: Option<&DetailSpec>, area: &Area, seed: u64) -> Result<String> {
-    let plain = |e| Error::value("configuration", e, "plain data");
-    let config = serde_json::to_string(&of_training(config)).map_err(plain)?;
-    let e = &area.source.info;
-    let mut hasher = Sha256::new();
-    hasher.update(config.as_bytes());
-    if let Some(detail) = detail {
-        hasher.update(serde_json::to_string(detail).map_err(plain)?.as_bytes());
-    }
-    hasher.update(e.sha256.as_bytes());
-    hasher.update(format!("{} {} {:?} {seed}", e.row, e.col, e.cell_size));
-    Ok(file::hex(&hasher.finalize()[..12]))
-}
-
-/// Loads what is trained and trains the rest, `jobs` at a time; in the order of `wanted`, with the number that was trained.
-fn train_all(
-    wanted: &[Wanted<'_>],
-    jobs: usize,
-    watch: &(dyn Fn(Event) + Sync),
-) -> Result<(Vec<Trained>, usize)> {
-    let slots: Vec<Mutex<Option<Result<Trained>>>> = wanted
-        .iter()
-        .map(|w| Mutex::new(load(&w.path, w, w.style.detail.is_some()).map(|style| Ok(Ok(style)))))
-        .collect();
-    let fill = |slot: &Mutex<Option<Result<Trained>>>, value| {
-        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
-    };
-    let is_open = |slot: &Mutex<Option<_>>| slot.lock().unwrap_or_else(PoisonError::into_inner).is_none();
-    let open: Vec<usize> = (0..wanted.len()).filter(|&i| is_open(&slots[i])).collect();
-    let steps = open.iter().map(|&i| wanted[i].config.model.epochs as u64).sum();
-    watch(Event::Training { styles: wanted.len(), cached: wanted.len() - open.len(), steps });
-    let next = AtomicUsize::new(0);
-    std::thread::scope(|scope| {
-        for _ in 0..jobs.min(open.len()) {
-            scope.spawn(|| {
-                while let Some(&i) = open.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    fill(&slots[i], train(&wanted[i], watch));
-                }
-            });
-        }
-    });
-    let styles = slots.into_iter().map(|slot| {
-        let filled = slot.into_inner().unwrap_or_else(PoisonError::into_inner);
-        filled.unwrap_or_else(|| Ok(Err("the training did not end".to_owned())))
-    });
-    Ok((styles.collect::<Result<_>>()?, open.len()))
-}
-
-/// A style from an earlier run; a file that is not it, or torn, is trained again.
-fn load(path: &Path, wanted: &Wanted<'_>, with_detail: bool) -> Option<Style> {
-    let mut style = Style::load(path).ok()?;
-    // A training that ended early says so in its number of epochs.
-    let mut config = of_training(&style.info.config);
-    config.model.epochs = wanted.config.model.epochs;
-    let is_it = config == of_training(&wanted.config)
-        && style.info.exemplar == wanted.area.source.info
-        && style.info.seed == Seed(wanted.seed)
-        && style.info.detail.is_some() == with_detail;
-    style.info.config.generation = wanted.config.generation.clone();
-    is_it.then_some(style)
-}
-
-fn train(wanted: &Wanted<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Trained> {
-    let mut told = 0;
-    let checkpoint = wanted.path.with_extension("checkpoint");
-    let detail_checkpoint = wanted.path.with_extension("detail-checkpoint");
-    let learned = without_panic(|| {
-        let mut progress = |report: &EpochReport| {
-            // Also those that an earlier run has done.
-            watch(Event::Steps((report.epoch - told) as u64));
-            told = report.epoch;
-        };
-        let checkpoints =
-            Checkpoints { path: checkpoint.clone(), interval: CHECKPOINTS, resume: checkpoint.exists() };
-        let control = Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints) };
-        let (source, seed) = (&wanted.area.source, Seed(wanted.seed));
-        let Some(detail) = &wanted.style.detail else {
-            return learn_with(source, &wanted.config, seed, control);
-        };
-        // Another style of the experiment, or another experiment, may have trained the coarse model.
-        let mut style = match load(&wanted.coarse, wanted, false) {
-            Some(style) => style,
-            None => learn_with(source, &wanted.config, seed, control)?,
-        };
-        let unseen = unseen_surface(&style, source, seed, None, &mut |_| {})?;
-        match detail {
-            DetailSpec::Patches(_) => take_patches(&mut style, source, unseen.as_ref(), seed)?,
-            DetailSpec::Generators(settings) => {
-                let mut quiet = |_: &singan::StepReport| {};
-                let checkpoints = Checkpoints {
-                    path: detail_checkpoint.clone(),
-                    interval: CHECKPOINTS,
-                    resume: detail_checkpoint.exists(),
-                };
-                let checkpoints = Some(checkpoints);
-                let control = singan::Control { progress: &mut quiet, budget: None, checkpoints };
-                learn_detail(&mut style, source, unseen.as_ref(), settings, seed, control)?;
-            }
-        }
-        Ok(style)
-    });
-    watch(Event::Steps(wanted.config.model.epochs.saturating_sub(told) as u64));
-    file::remove(&checkpoint)?;
-    file::remove(&detail_checkpoint)?;
-    match learned {
-        Ok(style) => {
-            style.save(&wanted.path)?;
-            // As read back, so that a continued run does the same as an uninterrupted one.
-            Style::load(&wanted.path).map(Ok)
-        }
-        Err(error) => {
-            let message = format!("training failed: {error}");
-            watch(Event::Failed(format!(
-                "{} on {}, seed {}: {message}",
-                wanted.style.name, wanted.area.name, wanted.seed
-            )));
-            Ok(Err(message))
-        }
-    }
-}
-
-fn training_row(wanted: &Wanted<'_>, style: &Trained) -> TrainingRow {
-    let training = style.as_ref().ok().map(|style| &style.info.training);
-    let value = |f: fn(&crate::systems::region_gnn::style::TrainingSummary) -> f64| training.map_or(0.0, f);
-    TrainingRow {
-        style: wanted.style.name.clone(),
-        area: wanted.area.name.clone(),
-        seed: wanted.seed,
-        parameters: style.as_ref().map_or(0, |s| s.model.network().params().value_count()),
-        epochs: training.map_or(0, |t| t.epochs),
-        seconds: value(|t| t.seconds),
-        preparation_seconds: value(|t| t.preparation_seconds),
-        seconds_per_epoch: value(|t| t.seconds_per_epoch),
-        detail: style.as_ref().ok().and_then(|style| detail_of(style).ok()?).map(|detail| match &detail {
-            StyleDetail::Generators(d) => {
-                let r = d.record();
-                DetailRow { seconds: r.seconds, gain: f64::from(r.gain), psnr: Some(r.psnr) }
-            }
-            StyleDetail::Patches(d) => {
-                let r = d.record();
-                DetailRow { seconds: r.seconds, gain: f64::from(r.gain), psnr: None }
-            }
-        }),
-        error: style.as_ref().err().cloned().unwrap_or_default(),
-    }
-}
-
 /// What is scored, with what was trained for it.
 struct Plan<'a> {
     resolved: &'a Resolved,
+    protocol: &'a dyn Protocol,
     columns: &'a [&'static str],
-    wanted: &'a [Wanted<'a>],
-    styles: &'a [Trained],
+    styles: Styles<'a>,
     record: &'a Record,
+}
+
+/// A patch of an area with a sketch.
+type Site<'a> = (&'a Area, Cell, &'a SketchSpec);
+
+fn key(&(area, cell, sketch): &Site<'_>, seed: u64, system: &str) -> Key {
+    let (system, area, sketch) = (system.to_owned(), area.name.clone(), sketch.name.clone());
+    Key { system, area, row: cell.row, col: cell.col, seed, sketch }
 }
 
 impl Plan<'_> {
@@ -339,43 +123,20 @@ impl Plan<'_> {
         &self.resolved.spec
     }
 
-    /// The trained styles of an area and seed.
-    fn styles_of(&self, area: &Area, seed: u64) -> impl Iterator<Item = (&StyleSpec, &Trained)> + use<'_> {
-        let all = self.wanted.iter().zip(self.styles);
-        let name = area.name.clone();
-        all.filter(move |(w, _)| w.area.name == name && w.seed == seed).map(|(w, style)| (w.style, style))
-    }
-
-    /// The systems of an area and seed by the names that they have in the scores, those of failed trainings left out.
-    fn systems(&self, area: &Area, seed: u64, with_interpolators: bool) -> Result<Systems<'_>> {
-        let mut systems = Systems { named: Vec::new(), styles: Vec::new() };
-        for (spec, style) in self.styles_of(area, seed) {
-            let Ok(style) = style else { continue };
-            let uses = self.spec().uses(spec)?;
-            for (name, system) in registry::trained(style)? {
-                if !uses.contains(&name) {
-                    continue;
-                }
-                systems.styles.push((spec.label(&name), style));
-                systems.named.push((spec.label(&name), system));
-            }
+    /// Everything that is scored, in the experiment's order: patch by patch, as far as the sketches are of the same ones.
+    fn sites<'s>(&'s self, sketches: &'s [SketchSpec]) -> Vec<Site<'s>> {
+        let mut sites = Vec::new();
+        for area in &self.resolved.areas {
+            let of_sketch = |sketch: &'s SketchSpec| {
+                let cells = self.protocol.cells(self.resolved, area, sketch);
+                cells.into_iter().map(move |cell| (area, cell, sketch))
+            };
+            let mut of_area: Vec<Site<'_>> = sketches.iter().flat_map(of_sketch).collect();
+            let cells: Vec<Cell> = of_area.iter().map(|site| site.1).collect();
+            of_area.sort_by_key(|site| cells.iter().position(|cell| *cell == site.1));
+            sites.extend(of_area);
         }
-        if with_interpolators {
-            let names = self.spec().interpolator_names()?;
-            systems
-                .named
-                .extend(registry::interpolators().into_iter().filter(|(name, _)| names.contains(name)));
-        }
-        Ok(systems)
-    }
-
-    /// The cells of an area that a sketch is taken of.
-    fn cells(&self, area: &Area, sketch: &SketchSpec) -> Vec<Cell> {
-        match self.spec().kind {
-            Kind::Fit => vec![Cell::new(area.source.info.row, area.source.info.col)],
-            Kind::Drawings => vec![Cell::new(0, 0)],
-            _ => home_of(self.resolved, area, sketch).patches.clone(),
-        }
+        sites
     }
 
     /// All rows in the experiment's order, and how many were scored now.
@@ -384,53 +145,27 @@ impl Plan<'_> {
         mut finished: BTreeMap<Key, Timed>,
         watch: &(dyn Fn(Event) + Sync),
     ) -> Result<(Vec<Timed>, usize)> {
-        let systems = self.spec().systems()?;
-        let sketches = self.spec().sketches();
-        let mut tasks: Vec<(&Area, Cell, &SketchSpec)> = Vec::new();
-        for area in &self.resolved.areas {
-            let of: Vec<_> = sketches
-                .iter()
-                .flat_map(|sketch| self.cells(area, sketch).into_iter().map(move |cell| (area, cell, sketch)))
-                .collect();
-            // Patch by patch, as far as the sketches are of the same ones.
-            let place = |cell: Cell| of.iter().position(|task| task.1 == cell);
-            let mut sorted: Vec<_> = of.clone();
-            sorted.sort_by_key(|task| place(task.1));
-            tasks.extend(sorted);
-        }
-        let keys = |&(area, cell, sketch): &(&Area, Cell, &SketchSpec)| -> Vec<Key> {
-            let key = |seed: u64, system: &String| Key {
-                system: system.clone(),
-                area: area.name.clone(),
-                row: cell.row,
-                col: cell.col,
-                seed,
-                sketch: sketch.name.clone(),
-            };
-            self.spec().seeds.iter().flat_map(|&seed| systems.iter().map(move |s| key(seed, s))).collect()
+        let (systems, sketches, seeds) = (self.spec().systems()?, self.spec().sketches(), &self.spec().seeds);
+        let sites = self.sites(&sketches);
+        let keys = |site: &Site<'_>| -> Vec<Key> {
+            seeds.iter().flat_map(|&seed| systems.iter().map(move |s| key(site, seed, s))).collect()
         };
         let open: Vec<_> =
-            tasks.iter().filter(|task| keys(task).iter().any(|key| !finished.contains_key(key))).collect();
-        let per_task = (systems.len() * self.spec().seeds.len()) as u64;
-        let (left, kept) = (open.len() as u64 * per_task, (tasks.len() - open.len()) as u64 * per_task);
+            sites.iter().filter(|site| keys(site).iter().any(|key| !finished.contains_key(key))).collect();
+        let per_site = (systems.len() * seeds.len()) as u64;
+        let (left, kept) = (open.len() as u64 * per_site, (sites.len() - open.len()) as u64 * per_site);
         watch(Event::Scoring { rows: left, kept });
         let journal = Mutex::new(());
         let new: Vec<Vec<Timed>> = open
             .par_iter()
-            .map(|&&(area, cell, sketch)| {
-                let rows = match self.spec().kind {
-                    Kind::Fit => self.fit(area)?,
-                    _ => self.rebuild(area, cell, sketch)?,
-                };
+            .map(|site| {
+                let rows = self.score(site)?;
                 let guard = journal.lock().unwrap_or_else(PoisonError::into_inner);
                 self.record.note(&rows)?;
                 drop(guard);
                 for (row, _) in rows.iter().filter(|(row, _)| !row.error.is_empty()) {
-                    let k = &row.key;
-                    watch(Event::Failed(format!(
-                        "{} on {} {},{}: {}",
-                        k.system, k.area, k.row, k.col, row.error
-                    )));
+                    let Key { system, area, row: at, col, .. } = &row.key;
+                    watch(Event::Failed(format!("{system} on {area} {at},{col}: {}", row.error)));
                 }
                 watch(Event::Scored(rows.len() as u64));
                 Ok(rows)
@@ -438,123 +173,56 @@ impl Plan<'_> {
             .collect::<Result<_>>()?;
         let scored = new.iter().map(Vec::len).sum();
         finished.extend(new.into_iter().flatten().map(|row| (row.0.key.clone(), row)));
-        let rows = tasks.iter().flat_map(keys).map(|key| {
-            finished.remove(&key).ok_or_else(|| {
-                Error::value(
-                    "row",
-                    format!("{key:?}"),
-                    "every system gives a row: this is a fault of the program",
-                )
-            })
+        let rows = sites.iter().flat_map(keys).map(|key| {
+            let fault = "every system gives a row: this is a fault of the program";
+            finished.remove(&key).ok_or_else(|| Error::value("row", format!("{key:?}"), fault))
         });
         Ok((rows.collect::<Result<_>>()?, scored))
     }
 
-    /// The rows of one patch and sketch: every system with every seed. Interpolators draw nothing at random, so that their
-    /// rows of the first seed are those of all.
-    fn rebuild(&self, area: &Area, cell: Cell, sketch: &SketchSpec) -> Result<Vec<Timed>> {
+    /// The rows of one site: every system with every seed. Interpolators draw nothing at random, so that their rows of the
+    /// first seed are those of all, unless the protocol draws their lines.
+    fn score(&self, site: &Site<'_>) -> Result<Vec<Timed>> {
+        let (area, cell, sketch) = *site;
         let interpolators = self.spec().interpolator_names()?;
-        // Random lines of a drawing differ from seed to seed, and so does what is made of them.
-        let draws_anew = self.spec().kind == Kind::Drawings;
+        let failed = |seed: u64, system: &str, error: &str| {
+            (ScoreRow::failed(key(site, seed, system), self.columns.len(), error), 0.0)
+        };
         let mut rows: Vec<Timed> = Vec::new();
         let mut shared: Vec<Timed> = Vec::new();
         for (i, &seed) in self.spec().seeds.iter().enumerate() {
-            let key = |system: &str| Key {
-                system: system.to_owned(),
-                area: area.name.clone(),
-                row: cell.row,
-                col: cell.col,
-                seed,
-                sketch: sketch.name.clone(),
-            };
-            for (style, trained) in self.styles_of(area, seed) {
-                if let Err(error) = trained {
-                    let names = self.spec().uses(style)?;
-                    rows.extend(
-                        names.iter().map(|n| (self.failed(key(&style.label(n)), error.clone()), 0.0)),
-                    );
-                }
-            }
-            let systems = self.systems(area, seed, i == 0 || draws_anew)?;
-            let all = without_panic(|| measure(self.resolved, area, cell, sketch, &systems, seed));
-            let all = match all {
-                Ok(all) => all,
+            rows.extend(
+                self.styles.failed(area, seed)?.iter().map(|(name, error)| failed(seed, name, error)),
+            );
+            let with_interpolators = i == 0 || self.protocol.draws_lines();
+            let systems = self.styles.systems(area, seed, with_interpolators)?;
+            let task = Task { resolved: self.resolved, area, cell, sketch, systems: &systems, seed };
+            match without_panic(|| self.protocol.measure(&task)) {
+                Ok(all) => rows.extend(all.into_iter().map(|one| {
+                    let values = self.columns.iter().map(|name| value_of(&one.values, name)).collect();
+                    let row = ScoreRow {
+                        relief: one.relief,
+                        line_share: one.line_share,
+                        values,
+                        ..ScoreRow::failed(key(site, seed, &one.system), 0, &one.error)
+                    };
+                    (row, one.seconds)
+                })),
                 Err(error) => {
-                    let failed = |name: &String| (self.failed(key(name), error.to_string()), 0.0);
-                    rows.extend(systems.named.iter().map(|(name, _)| failed(name)));
-                    Vec::new()
+                    let error = error.to_string();
+                    rows.extend(systems.named.iter().map(|(name, _)| failed(seed, name, &error)));
                 }
-            };
-            for one in all {
-                let value = |name: &&str| one.values.iter().find(|(n, _)| n == name).and_then(|(_, v)| *v);
-                let scored = ScoreRow {
-                    key: key(&one.system),
-                    relief: one.relief,
-                    line_share: one.line_share,
-                    values: self.columns.iter().map(value).collect(),
-                    error: one.error,
-                };
-                rows.push((scored, one.seconds));
-            }
-            if draws_anew {
-                continue;
             }
             if i == 0 {
                 shared =
                     rows.iter().filter(|(r, _)| interpolators.contains(&r.key.system)).cloned().collect();
-            } else {
-                rows.extend(shared.iter().map(|(row, seconds)| {
-                    let key = Key { seed, ..row.key.clone() };
-                    (ScoreRow { key, ..row.clone() }, *seconds)
+            } else if !with_interpolators {
+                rows.extend(shared.iter().cloned().map(|(mut row, seconds)| {
+                    row.key.seed = seed;
+                    (row, seconds)
                 }));
             }
         }
         Ok(rows)
     }
-
-    /// The rows of one exemplar.
-    fn fit(&self, area: &Area) -> Result<Vec<Timed>> {
-        let mut rows = Vec::new();
-        for &seed in &self.spec().seeds {
-            let key = |system: &str| fit::key(area, system, seed);
-            for (style, trained) in self.styles_of(area, seed) {
-                let row = match trained {
-                    Ok(style_) => fit::reconstruct(area, style_, key(&style.name), self.columns),
-                    Err(error) => (self.failed(key(&style.name), error.clone()), 0.0),
-                };
-                rows.push(row);
-            }
-            let names = self.spec().interpolator_names()?;
-            for (name, system) in
-                registry::interpolators().into_iter().filter(|(name, _)| names.contains(name))
-            {
-                rows.push(fit::interpolate(
-                    area,
-                    &*system,
-                    &self.spec().extraction,
-                    key(&name),
-                    self.columns,
-                ));
-            }
-        }
-        Ok(rows)
-    }
-
-    fn failed(&self, key: Key, error: String) -> ScoreRow {
-        ScoreRow { key, relief: 0.0, line_share: 0.0, values: vec![None; self.columns.len()], error }
-    }
-}
-
-/// What `work` gives; a fault of ours in one cell of a long run is that cell's error and not the end of all.
-fn without_panic<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().cloned();
-        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-        let text = text.unwrap_or_else(|| "without a word".to_owned());
-        Err(Error::value(
-            "state of the program",
-            format!("a panic ({text})"),
-            "a fault of monadnock: please report it",
-        ))
-    })
 }

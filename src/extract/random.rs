@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn around_a_surface_ridges_rise_and_valleys_sink_by_the_relief_at_most() {
+    fn ridges_rise_and_valleys_sink_by_at_most_the_relief() {
         let sketch = cross();
         let surface = Grid::from_fn(128, 128, |c| 10.0 * c.row as f64 + c.col as f64);
         let config = RandomSketchConfig::default();
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn heights_lie_in_their_half_of_the_range_and_are_linear() {
+    fn heights_are_linear_within_half_the_range() {
         for (range, expected) in [(None, (400.0, 2000.0)), (Some((-1.0, 1.0)), (-1.0, 1.0))] {
             let config = RandomSketchConfig { height_range: range, ..RandomSketchConfig::default() };
             let enhanced = enhance(&cross(), &config, Seed(2)).unwrap();

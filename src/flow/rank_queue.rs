@@ -2,7 +2,7 @@
 //!
 //! A set of ranks as a tree of 64-bit words: every level above the cells' own says which words below are not empty
 //! (a van Emde Boas tree with fan-out 64). Insert and pop touch four words for 16 million ranks, and the whole set takes
-//! an eighth of a byte a cell, so it stays in the cache where a binary heap of 13 million cells does not.
+//! an eighth of a byte per cell, so it stays in the cache where a binary heap of 13 million cells does not.
 
 /// A set of ranks below a fixed bound, from which the lowest can be taken.
 pub(super) struct RankQueue {

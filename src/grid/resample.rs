@@ -129,7 +129,7 @@ mod tests {
     use crate::grid::Cell;
 
     #[test]
-    fn the_same_size_is_the_identity_and_planes_stay_planes() {
+    fn resampling_keeps_planes_and_the_same_size() {
         let plane = |rows: usize, cols: usize| {
             let at = |i: usize, side: usize| (i as f32 + 0.5) / side as f32;
             Grid::from_fn(rows, cols, |c| 0.3 + 0.5 * at(c.row, rows) - 0.2 * at(c.col, cols))

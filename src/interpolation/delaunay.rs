@@ -75,7 +75,7 @@ mod tests {
     use crate::sketch::StrokeKind;
 
     #[test]
-    fn a_plane_comes_back_inside_the_hull_and_the_nearest_outside() {
+    fn a_plane_inside_the_hull_and_the_nearest_outside() {
         let plane = |c: Cell| 2.0 + 0.5 * c.row as f32 - 0.25 * c.col as f32;
         let mut lines = LineMap::empty(40, 40);
         let corners = [(5, 5), (5, 34), (34, 5), (34, 34)].map(|(r, c)| Cell::new(r, c));

@@ -156,7 +156,7 @@ impl NaturalNeighbours {
         SparseMatrix::from_compressed_rows(self.site_at.len(), self.sites.len(), offsets, indices, values)
     }
 
-    /// The weighted mean of `values`, one a line cell in row-major order, at every cell. Line cells keep their value.
+    /// The weighted mean of `values`, one per line cell in row-major order, at every cell. Line cells keep their value.
     ///
     /// # Panics
     /// When the number of values is not that of the line cells.

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn large_sparse_surfaces_obey_the_equation_and_its_bounds() {
+    fn large_sparse_surfaces_obey_the_equation() {
         let (known, values) = sparse(300, 211);
         let on_lines =
             || values.as_slice().iter().zip(known.as_slice()).filter(|(_, k)| **k).map(|(v, _)| *v);
@@ -207,5 +207,54 @@ mod tests {
         let bad = values.map(|&z| if z == 2.2 { f64::NAN } else { z });
         assert!(harmonic(&one, &bad).unwrap_err().to_string().contains("row 2, column 2"));
         assert!(harmonic(&one, &Grid::filled(4, 4, 0.0)).is_err());
+    }
+
+    /// Terrain of whole metres, as files have it.
+    fn rough(c: Cell) -> f64 {
+        let noise = (c.row * 7919 + c.col * 104_729) % 97;
+        (1800.0 + 300.0 * (c.row as f64 * 0.11).sin() + 200.0 * (c.col as f64 * 0.17).cos() + noise as f64)
+            .round()
+    }
+
+    /// The start is nearly the answer, and its residual of the size of rounding.
+    #[test]
+    fn a_single_unknown_cell_anywhere_is_found() {
+        let (rows, cols) = (26, 50);
+        let values = Grid::from_fn(rows, cols, rough);
+        for void in values.cells().map(|(cell, _)| cell).collect::<Vec<_>>() {
+            let known = Mask::from_fn(rows, cols, |c| c != void);
+            let found = harmonic(&known, &values).unwrap_or_else(|e| panic!("{void:?}: {e}"));
+            let beside =
+                values.cells().filter(|(c, _)| c.row.abs_diff(void.row) + c.col.abs_diff(void.col) == 1);
+            let beside: Vec<f64> = beside.map(|(_, z)| *z).collect();
+            let mean = beside.iter().sum::<f64>() / beside.len() as f64;
+            assert!((found[void] - mean).abs() < 1e-9, "{void:?}: {} {mean}", found[void]);
+            biharmonic(&known, &values).unwrap_or_else(|e| panic!("{void:?}: {e}"));
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+
+        /// Any share of unknown cells, anywhere; heights far from 0 with little relief among them.
+        #[test]
+        fn unknown_cells_anywhere_are_found(
+            (rows, cols) in (2usize..40, 2usize..40),
+            share in 0.0..0.6f64,
+            relief in prop_oneof![Just(1.0), Just(1e-6), Just(0.0)],
+            seed in any::<u32>(),
+        ) {
+            let lot = |c: Cell| {
+                let mixed = (c.row as u32 * 131 + c.col as u32 + 1).wrapping_mul(seed | 1).wrapping_mul(2_654_435_761);
+                f64::from(mixed >> 8) / f64::from(1u32 << 24)
+            };
+            let values = Grid::from_fn(rows, cols, |c| 4000.0 + relief * rough(c));
+            let known = Mask::from_fn(rows, cols, |c| c == Cell::new(0, 0) || lot(c) >= share);
+            let found = harmonic(&known, &values).map_err(|e| TestCaseError::fail(e.to_string()))?;
+            biharmonic(&known, &values).map_err(|e| TestCaseError::fail(e.to_string()))?;
+            let of_known = values.as_slice().iter().zip(known.as_slice()).filter(|(_, k)| **k).map(|(z, _)| *z);
+            let (low, high) = of_known.fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(z), h.max(z)));
+            prop_assert!(found.as_slice().iter().all(|z| (low - 1e-6..=high + 1e-6).contains(z)));
+        }
     }
 }

@@ -1,29 +1,12 @@
 //! Where trainings are kept while they run: how far one has come, and its numbers by name, in one safetensors file.
 
+use crate::arrays::Arrays;
 use crate::error::{Error, Result};
-use crate::file;
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-/// Largest file that is read.
-const LARGEST_FILE: u64 = 1 << 30;
 const ALLOWED: &str = "allowed: a checkpoint written by `train`";
-
-/// Where an unfinished training is kept.
-#[derive(Clone, Debug)]
-pub struct Checkpoints {
-    /// The file; replaced as a whole each time.
-    pub path: PathBuf,
-    /// Time between two checkpoints: what a kill can cost at most.
-    pub interval: Duration,
-    /// Continue from the file, where there is one.
-    pub resume: bool,
-}
 
 /// How far a training has come, its numbers apart.
 pub trait Resumable: Serialize + DeserializeOwned {
@@ -40,18 +23,9 @@ pub trait Resumable: Serialize + DeserializeOwned {
     /// # Errors
     /// When the file cannot be written.
     fn save<'a>(&self, path: &Path, numbers: impl IntoIterator<Item = (String, &'a [f32])>) -> Result<()> {
-        let tensors: Vec<(String, usize, Vec<u8>)> = numbers
-            .into_iter()
-            .map(|(name, values)| (name, values.len(), values.iter().flat_map(|v| v.to_le_bytes()).collect()))
-            .collect();
-        let views = tensors.iter().map(|(name, length, bytes)| {
-            let view = TensorView::new(Dtype::F32, vec![*length], bytes).expect("the length fits the shape");
-            (name.as_str(), view)
-        });
-        let text = serde_json::to_string(self).expect("progress is plain data");
-        let metadata = HashMap::from([(Self::KEY.to_owned(), text)]);
-        let bytes = safetensors::serialize(views, Some(metadata)).expect("names are unique");
-        file::write_bytes(path, &bytes)
+        let mut arrays = Arrays::default();
+        numbers.into_iter().for_each(|(name, values)| arrays.put_f32(&name, &[values.len()], values));
+        arrays.write(path, Self::KEY, serde_json::to_string(self).expect("progress is plain data"))
     }
 
     /// Reads the state of the training `identity`.
@@ -59,25 +33,15 @@ pub trait Resumable: Serialize + DeserializeOwned {
     /// # Errors
     /// When the file is damaged or belongs to another training.
     fn load(path: &Path, identity: &str) -> Result<(Self, Numbers)> {
-        let damaged = |e: safetensors::SafeTensorError| Error::file(path, "safetensors header", e, ALLOWED);
-        let bytes = file::read_whole(path, LARGEST_FILE)?;
-        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(damaged)?;
-        let tensors = SafeTensors::deserialize(&bytes).map_err(damaged)?;
-        let Some(text) = metadata.metadata().as_ref().and_then(|m| m.get(Self::KEY)) else {
-            return Err(Error::file(path, "metadata", "without a description", ALLOWED));
-        };
-        let progress: Self = serde_json::from_str(text)
+        let (text, arrays) = Arrays::read(path, Self::KEY, "a checkpoint")?;
+        let progress: Self = serde_json::from_str(&text)
             .map_err(|e| Error::file(path, format!("metadata {}", Self::KEY), e, ALLOWED))?;
         if progress.identity() != identity {
             let allowed = "to resume, exemplar, seed and configuration must be those of the interrupted training (how long and how \
                            fast it learns may differ); remove the file to begin anew";
             return Err(Error::file(path, Self::TRAINING, "another one", allowed));
         }
-        let values = |view: TensorView<'_>| {
-            view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
-        };
-        let by_name = tensors.iter().map(|(name, view)| (name.to_owned(), values(view))).collect();
-        Ok((progress, Numbers { path: path.to_owned(), by_name }))
+        Ok((progress, Numbers { path: path.to_owned(), arrays }))
     }
 }
 
@@ -85,7 +49,7 @@ pub trait Resumable: Serialize + DeserializeOwned {
 #[derive(Debug)]
 pub struct Numbers {
     path: PathBuf,
-    by_name: BTreeMap<String, Vec<f32>>,
+    arrays: Arrays,
 }
 
 impl Numbers {
@@ -104,7 +68,7 @@ impl Numbers {
 
     /// Those of a name, however many; none when they are missing.
     pub fn take_all(&mut self, name: &str) -> Vec<f32> {
-        self.by_name.remove(name).unwrap_or_default()
+        self.arrays.take_f32(name).unwrap_or_default()
     }
 }
 

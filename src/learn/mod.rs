@@ -10,7 +10,7 @@ mod pool;
 mod vector_math;
 
 pub use adam::{Adam, Schedule};
-pub use checkpoints::{Checkpoints, Numbers, Resumable};
+pub use checkpoints::{Numbers, Resumable};
 pub use contiguous::contiguous_f32;
 pub use param_store::ParamStore;
 pub use pool::in_pool;

@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn every_finalist_is_chosen_by_some_seed_and_nothing_else() {
+    fn only_finalists_are_chosen_and_each_by_some_seed() {
         let exemplar: Vec<_> = (0..12).map(|i| ridge(&BEND, 0.9 - 0.05 * i as f32)).collect();
         let mut seen = [0; 12];
         for seed in 0..200 {
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn the_configuration_reads_from_toml_and_refuses_unknown_keys() {
+    fn the_configuration_refuses_unknown_keys() {
         let config: MatchConfig =
             toml::from_str("rotation = \"quarter-turn\"\nchoice = \"closest\"").unwrap();
         assert_eq!(config, MatchConfig { rotation: RotationStep::QuarterTurn, ..closest() });

@@ -3,7 +3,7 @@
 //! Geomorphons (Jasiewicz & Stepinski 2013): from every cell eight lines of sight; each sees higher ground, lower ground or
 //! neither, and the numbers of both decide one of ten landforms (their Fig. 4). Relief is taken relative to the truth's own
 //! range: their flatness threshold of one degree has no meaning in the unit interval, so it is a share of the truth's mean
-//! slope. Cost: of geomorphons 8 lines of [`SIGHT`] cells a cell.
+//! slope. Cost: of geomorphons 8 lines of [`SIGHT`] cells per cell.
 
 use super::check_pair;
 use crate::error::{Error, Result};
@@ -91,7 +91,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     0.5 * a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>()
 }
 
-/// Share of the valid cells in each landform; `flat`: slope below which a direction is level, heights a cell.
+/// Share of the valid cells in each landform; `flat`: slope below which a direction is level, heights per cell.
 fn landform_shares(terrain: &Grid<f32>, valid: &Mask, flat: f64) -> Vec<f64> {
     let rows: Vec<[usize; LANDFORMS]> = (0..terrain.rows())
         .into_par_iter()

@@ -4,6 +4,8 @@
 //! range* (0 its lowest and 1 its highest valid height), and leaves out voids. [`Scores`] gathers all of it for one patch
 //! and [`Summary`] over patches.
 
+mod correlation;
+mod embedding;
 mod error;
 mod landforms;
 mod lines;
@@ -14,12 +16,15 @@ mod spectrum;
 mod ssim;
 mod summary;
 
+pub use correlation::spearman;
+pub use embedding::{Labelled, Separation, separation, tsne};
 pub use error::{psnr, rmse};
 pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
 pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
 pub use relief::{
-    curvature_distance, mean_slope_ratio, mean_square_slope, mean_valid_slope, pit_share, slope_distance,
+    curvature_distance, mean_slope_ratio, mean_square_slope, mean_valid_slope, pit_share, roughness,
+    slope_distance,
 };
 pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
 pub use spectrum::{radial_spectrum, spectrum_distance};

@@ -1,7 +1,7 @@
 //! Whether terrain is of the same kind, by its small patches, and whether it is a copy.
 //!
 //! A patch is a 7x7 window of heights minus their mean, so that elevation does not matter. Cost: of
-//! [`sliced_wasserstein`] 64 dot products and a sort a patch and scale; of [`copy_audit`] a search over all patches of the
+//! [`sliced_wasserstein`] 64 dot products and a sort per patch and scale; of [`copy_audit`] a search over all patches of the
 //! exemplar for every patch looked at (0.2 s for two rasters of 128x128).
 
 use super::{check_one, check_pair};

@@ -1,6 +1,6 @@
 //! What the eye sees and cell-by-cell errors do not: slopes, curvatures and pits.
 //!
-//! Slopes are differences of neighbouring heights in the unit of the heights a cell, as numpy's `gradient` takes them:
+//! Slopes are differences of neighbouring heights in the unit of the heights per cell, as numpy's `gradient` takes them:
 //! central, and one-sided at the frame; voids count as the frame does. Cells are taken as square. Distances between
 //! distributions are earth mover's distances of the values themselves, without bins, relative to the truth's mean.
 
@@ -143,6 +143,22 @@ fn positive_mean(name: &str, values: &[f64]) -> Result<f64> {
     }
 }
 
+/// Root mean square of a cell above the mean of its four neighbours, unit heights.
+#[must_use]
+pub fn roughness(output: &Grid<f32>) -> f64 {
+    let (rows, cols) = output.shape();
+    let z = |row: usize, col: usize| f64::from(output[Cell::new(row, col)]);
+    let (mut sum, mut count) = (0.0, 0usize);
+    for row in 1..rows.saturating_sub(1) {
+        for col in 1..cols.saturating_sub(1) {
+            let around = z(row - 1, col) + z(row + 1, col) + z(row, col - 1) + z(row, col + 1);
+            sum += (z(row, col) - around / 4.0).powi(2);
+            count += 1;
+        }
+    }
+    (sum / count.max(1) as f64).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -202,5 +218,12 @@ mod tests {
         terrain[Cell::new(3, 3)] = 0.5;
         assert_eq!(pit_share(&terrain, &valid).unwrap(), 0.0);
         assert!(pit_share(&Grid::filled(2, 9, 1.0), &Mask::filled(2, 9, true)).is_err());
+    }
+
+    #[test]
+    fn roughness_is_that_of_a_saw() {
+        let saw = Grid::from_fn(8, 8, |c| if (c.row + c.col) % 2 == 0 { 0.5f32 } else { 0.25 });
+        assert!((roughness(&saw) - 0.25).abs() < 1e-9);
+        assert!(roughness(&Grid::from_fn(8, 8, |c| c.row as f32 * 0.1 + c.col as f32 * 0.05)) < 1e-6);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The mean is taken away, a Hann window fades the frame out, and the power of the two-dimensional Fourier transform is
 //! averaged over rings of one wavenumber, from one wave across the shorter side to the finest that the raster holds (two
-//! cells a wave). Voids stand at the mean. The distance of two spectra is the root mean square of their difference in
+//! cells per wave). Voids stand at the mean. The distance of two spectra is the root mean square of their difference in
 //! decibels over the rings. Cost: n log n for n cells.
 
 use super::{check_one, check_pair};

@@ -22,7 +22,7 @@ pub struct Spread {
 pub struct Summary {
     /// Number of patches.
     pub patches: usize,
-    /// One entry a score, in the order of [`Scores::values`]; scores that no patch has are left out.
+    /// One entry per score, in the order of [`Scores::values`]; scores that no patch has are left out.
     pub spreads: Vec<Spread>,
 }
 

@@ -7,15 +7,18 @@ mod chains;
 pub mod geojson;
 mod graph;
 mod line_map;
+mod motion;
 mod part;
 mod rasterize;
 pub mod samples;
 mod split;
 mod stroke;
+mod thinning;
 mod trace;
 
 pub use graph::{SketchEdge, SketchGraph, SketchNode};
 pub use line_map::LineMap;
+pub use motion::Motion;
 pub use part::{PartId, SketchPart};
 pub use split::{PartLengths, split_parts};
 pub use stroke::{Sketch, Stroke, StrokeKind, Vertex};

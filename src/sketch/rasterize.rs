@@ -33,6 +33,11 @@ impl Sketch {
 }
 
 impl Stroke {
+    /// The cells that the stroke passes on a map of `rows` x `cols` cells, in order, with their heights.
+    pub(in crate::sketch) fn cells(&self, rows: usize, cols: usize) -> Vec<(Cell, f64)> {
+        visits(self, rows, cols).into_iter().map(|visit| (visit.cell, visit.height)).collect()
+    }
+
     /// Whether any point of the stroke lies on a map of `rows` x `cols` cells, and whether all of them do.
     #[must_use]
     pub fn lies_on(&self, rows: usize, cols: usize) -> (bool, bool) {

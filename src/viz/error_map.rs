@@ -27,7 +27,7 @@ pub fn error_limit(estimate: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Res
     Ok(if high > 0.0 { super::ticks::round_up(high) } else { 1.0 })
 }
 
-/// The map of estimate - truth at `scale` pixels a cell. `-limit` and less is the deepest blue, `limit` and more the
+/// The map of estimate - truth at `scale` pixels per cell. `-limit` and less is the deepest blue, `limit` and more the
 /// deepest red ([`ColorBar::difference`](super::ColorBar::difference) says so); voids are hatched.
 ///
 /// # Errors
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_is_round_ignores_voids_and_the_last_two_percent() {
+    fn the_limit_is_round_and_ignores_voids_and_outliers() {
         // 100 known rows with errors up to 10.1, of which one is absurd, then 100 voids. The 98th percentile of the known
         // ones is 10.006; voids counted as right would make it 9.8.
         let truth = slope(200, 1, 0.0);

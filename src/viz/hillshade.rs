@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_has_its_gradient_everywhere_also_in_the_corners_and_with_oblong_cells() {
+    fn a_plane_has_its_gradient_on_oblong_cells_too() {
         let size = CellSize::new(20.0, 30.0).unwrap();
         let heights = plane(6, 9, size, 0.3, -0.45);
         let mut valid = everywhere(&heights);
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tilted_plane_has_the_brightness_that_geometry_gives() {
+    fn a_tilted_plane_is_as_bright_as_geometry_says() {
         let size = CellSize::square(10.0).unwrap();
         // A slope of 30 degrees that faces the sun (north-west): the angle to a sun at 45 degrees is 15 degrees.
         let tilt = 30f64.to_radians().tan() / 2f64.sqrt();

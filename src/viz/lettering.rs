@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_stand_on_their_baseline_and_end_where_the_width_says() {
+    fn letters_stand_on_the_baseline_within_their_width() {
         let text = plain(40.0);
         let mut picture = Picture::filled(60, 200, Rgb::WHITE);
         text.write(&mut picture, 45, 10, "HEH", Direction::Across);

@@ -1,7 +1,7 @@
 //! Ridges and valleys as a pen would draw them.
 //!
 //! [`LineMap`] or [`Sketch`] -> [`LineArt`] -> lines over a picture, or on paper. Anti-aliased by the distance to each
-//! segment; every layer (casing, valleys, ridges) keeps its highest coverage a pixel and is laid on once, so the order
+//! segment; every layer (casing, valleys, ridges) keeps its highest coverage per pixel and is laid on once, so the order
 //! of strokes does not matter. Colours as in Liu & Benes 2025, figure 6: ridges yellow, valleys blue. Cost: O(total
 //! line length x width) pixels, whatever the number of vertices.
 
@@ -179,7 +179,7 @@ impl LineArt {
         Ok(())
     }
 
-    /// The lines alone on light paper, `scale` pixels a cell; low lines are dark, high ones bright.
+    /// The lines alone on light paper, `scale` pixels per cell; low lines are dark, high ones bright.
     ///
     /// # Errors
     /// When `scale` or a side of the map is out of range.
@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_covers_its_pixels_its_rim_is_dark_and_the_rest_is_untouched() {
+    fn a_line_covers_its_pixels_and_has_a_dark_rim() {
         let lines = sketch(vec![stroke(StrokeKind::Ridge, &[(4.0, 10.0, 1.0), (25.0, 10.0, 1.0)])]);
         let mut picture = Picture::filled(80, 120, GROUND);
         let style = LineStyle { width: 1.0, casing_width: 0.5, ..LineStyle::default() };

@@ -4,6 +4,7 @@
 //! ([`report::Report`], HTML): the same input gives the same bytes.
 
 mod color;
+mod duration;
 mod error_map;
 mod hillshade;
 mod legend;
@@ -19,6 +20,7 @@ mod ticks;
 mod upsample;
 
 pub use color::Rgb;
+pub(crate) use duration::duration;
 pub use error_map::{error_limit, error_map};
 pub use hillshade::{Gradient, Sun, gradients, hillshade};
 pub use legend::ColorBar;

@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn difference_is_balanced_and_falls_away_from_the_middle() {
+    fn the_difference_palette_is_balanced() {
         for i in 0..50 {
             let (near, far) = (i as f32 / 100.0, (i + 1) as f32 / 100.0);
             for sign in [-1.0, 1.0] {

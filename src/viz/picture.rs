@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn writing_replaces_the_old_file_and_leaves_nothing_else() {
+    fn writing_replaces_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         std::fs::write(&path, "old").unwrap();

@@ -87,7 +87,7 @@ impl Relief {
         Self { palette, ..Self::default() }
     }
 
-    /// The same drawing at `scale` pixels a cell.
+    /// The same drawing at `scale` pixels per cell.
     #[must_use]
     pub fn scaled(self, scale: usize) -> Self {
         Self { scale, ..self }
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_to_the_sun_are_lighter_than_slopes_away_in_every_palette() {
+    fn slopes_to_the_sun_are_lighter_in_every_palette() {
         let roof = Grid::from_fn(20, 20, |c| -20.0 * (c.row as f32 + c.col as f32 - 19.0).abs());
         for palette in [Palette::Alpine, Palette::Arid, Palette::Lunar, Palette::Grey] {
             let picture = Relief::with_palette(palette).draw(&dem(roof.clone())).unwrap();
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn voids_are_hatched_cell_by_cell_and_touch_nothing_else() {
+    fn voids_are_hatched_and_touch_nothing_else() {
         let heights = hills(12, 12);
         let mut valid: Mask = heights.map(|_| true);
         for col in 4..9 {
@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn automatic_exaggeration_reaches_its_target_and_is_shared_by_fixing() {
+    fn automatic_exaggeration_reaches_its_target() {
         let hills = dem(hills(40, 40));
         let Exaggeration::By(k) = Relief::default().fixed_for(&hills).exaggeration else {
             panic!("not fixed")
@@ -319,7 +319,7 @@ mod tests {
         let flat = dem(Grid::filled(2, 2, 1.0));
         let bad = [
             (Relief { ambient: 1.5, ..Relief::default() }, "ambient"),
-            (Relief { scale: 0, ..Relief::default() }, "pixels a cell"),
+            (Relief { scale: 0, ..Relief::default() }, "pixels per cell"),
             (Relief { range: Some((5.0, 5.0)), ..Relief::default() }, "height range"),
             (Relief { exaggeration: Exaggeration::By(0.0), ..Relief::default() }, "exaggeration"),
             (Relief { sun: Sun { altitude: 0.0, ..Sun::default() }, ..Relief::default() }, "altitude"),

@@ -34,7 +34,7 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// An empty sheet with `columns` panels a row.
+    /// An empty sheet with `columns` panels per row.
     #[must_use]
     pub fn new(columns: usize) -> Self {
         Self {

@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn ticks_lie_inside_and_labels_say_no_more_than_needed() {
+    fn ticks_lie_inside_and_have_short_labels() {
         let (at, step) = ticks(455.0, 4810.0, 5);
         assert_eq!(at, [1000.0, 2000.0, 3000.0, 4000.0]);
         assert_eq!(label(at[0], step), "1000");

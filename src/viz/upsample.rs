@@ -1,4 +1,4 @@
-//! A raster drawn at several pixels a cell, smoothly.
+//! A raster drawn at several pixels per cell, smoothly.
 //!
 //! Grid -> `factor` x larger grid through every cell's value, by the cubic of Catmull and Rom along rows, then columns.
 //! Bilinear interpolation would show each cell as a facet once the surface is shaded, because its slope jumps at cell
@@ -11,25 +11,25 @@ use rayon::prelude::*;
 /// Largest number of pixels that enlarging may make: 2^27, a square of 11,585.
 const MOST_PIXELS: usize = 1 << 27;
 
-/// Refuses a number of pixels a cell that no picture of `rows` x `cols` cells should have. At one pixel a cell the
+/// Refuses a number of pixels per cell that no picture of `rows` x `cols` cells should have. At one pixel per cell the
 /// picture is as large as the raster, which fits into memory already.
 pub(super) fn check_scale(rows: usize, cols: usize, scale: usize) -> Result<()> {
     let pixels = (rows * scale).checked_mul(cols * scale);
     if scale == 0 || scale > 64 || (scale > 1 && pixels.is_none_or(|n| n > MOST_PIXELS)) {
         let allowed = format!("allowed: 1 to 64, and {MOST_PIXELS} pixels in all for {rows}x{cols} cells");
-        return Err(Error::value("pixels a cell", scale, allowed));
+        return Err(Error::value("pixels per cell", scale, allowed));
     }
     Ok(())
 }
 
-/// The values at `factor` pixels a cell. Pixel i lies at (i + 0.5) / factor - 0.5 cells; past the outermost cell
+/// The values at `factor` pixels per cell. Pixel i lies at (i + 0.5) / factor - 0.5 cells; past the outermost cell
 /// centres the border value goes on. Void cells first take the mean of their valid neighbours (two rings deep, 0
 /// beyond), so that they do not bleed into the ground beside them.
 ///
 /// # Panics
 /// When `factor` is 0 or the shapes differ.
 pub(super) fn upsample(grid: &Grid<f32>, valid: &Mask, factor: usize) -> Grid<f32> {
-    assert!(factor > 0, "at least one pixel a cell");
+    assert!(factor > 0, "at least one pixel per cell");
     assert_eq!(grid.shape(), valid.shape(), "values and mask have one shape");
     if factor == 1 {
         return grid.clone();
@@ -113,7 +113,7 @@ mod tests {
     use approx::assert_abs_diff_eq;
 
     #[test]
-    fn a_plane_stays_a_plane_inside_and_odd_factors_keep_every_cell() {
+    fn planes_stay_planes_and_odd_factors_keep_cells() {
         let grid = Grid::from_fn(6, 8, |c| 2.0 * c.row as f32 - 3.0 * c.col as f32);
         let valid = grid.map(|_| true);
         let large = upsample(&grid, &valid, 3);
@@ -133,7 +133,7 @@ mod tests {
     fn a_picture_too_large_is_refused_before_it_is_made() {
         assert!(check_scale(3601, 3601, 3).is_ok() && check_scale(100_000, 100_000, 1).is_ok());
         for (side, scale) in [(3601, 4), (128, 65), (128, 0), (1 << 40, 2)] {
-            assert!(check_scale(side, side, scale).unwrap_err().to_string().contains("pixels a cell"));
+            assert!(check_scale(side, side, scale).unwrap_err().to_string().contains("pixels per cell"));
         }
     }
 

@@ -201,7 +201,7 @@ fn an_interrupted_detail_training_is_resumed_and_a_budget_is_kept() {
     fails(at, &[&BRIEF[..], &["--resume", "--seed", "3"]].concat(), 1, &["to resume"]);
     // The interrupted one had another schedule: begun anew it is the first one to the bit, tensors and all but the times.
     let answer = done(at, &BRIEF);
-    assert!(answer.err.contains("begins anew"), "{}", answer.err);
+    assert!(answer.err.contains("starts over"), "{}", answer.err);
     let tensors = |bytes: &[u8]| {
         let file = safetensors::SafeTensors::deserialize(bytes).unwrap();
         let mut all: Vec<(String, Vec<u8>)> =
@@ -275,21 +275,22 @@ fn patches_are_detail_that_needs_no_training() {
 
 #[test]
 fn strength_is_measured_on_terrain_that_the_coarse_model_has_not_seen() {
+    use monadnock::control::{Control, Progress};
     use monadnock::dem::Dem;
     use monadnock::grid::Cell;
     use monadnock::seed::Seed;
-    use monadnock::systems::pipeline::unseen_surface;
-    use monadnock::systems::region_gnn::style::{Source, StyleConfig, learn};
+    use monadnock::style::{Exemplar, Source, StyleConfig, unseen_surface};
 
     let sierra = monadnock::dem::bundled::load("sierra").unwrap();
     let mut config = StyleConfig::default();
     (config.model.epochs, config.model.extractions) = (4, 1);
     let shares = |dem: &Dem, side: usize| {
         let source = Source::new("sierra", dem, Cell::new(192, 192), side, side).unwrap();
-        let style = learn(&source, &config, Seed(1), |_| ()).unwrap();
+        let exemplar = Exemplar::new(&source, &config.extraction, Seed(1)).unwrap();
         let mut shares = Vec::new();
-        let mut progress = |share| shares.push(share);
-        let unseen = unseen_surface(&style, &source, Seed(1), None, &mut progress).unwrap();
+        let mut progress = |done: &Progress<'_>| shares.push(done.share);
+        let control = Control::new(&mut progress);
+        let unseen = unseen_surface(&*config.plan().unwrap(), &exemplar, control).unwrap();
         assert_eq!(unseen.is_some(), shares.last() == Some(&1.0));
         shares
     };

@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod detail;
+mod cases;
 mod input;
+mod outputs;
 mod sketches;
 mod training;
 

@@ -1,9 +1,9 @@
 //! The report of the demo: pictures to files and into one page.
 
-use super::run::{Shown, Trained};
+use super::results::{DemoResults, DemoStyle};
 use crate::dem::{Dem, Normalization};
 use crate::error::Result;
-use crate::experiment::{Rebuilt, aggregate};
+use crate::evaluate::{Rebuilt, aggregate};
 use crate::grid::Grid;
 use crate::viz::plot::{Better, Curves, Panel, ScorePlot, Svg};
 use crate::viz::report::{Best, Column, Entry, Figure, Report, Table};
@@ -39,9 +39,9 @@ struct StylePictures {
 
 impl Page {
     /// Draws everything and writes each picture into the folder.
-    pub(super) fn draw(shown: &Shown, out: &Path) -> Result<Self> {
+    pub(super) fn draw(results: &DemoResults, out: &Path) -> Result<Self> {
         let mut styles = Vec::new();
-        for s in &shown.styles {
+        for s in &results.styles {
             let pictures = StylePictures::draw(s)?;
             for (name, picture) in [
                 ("exemplar", &pictures.exemplar),
@@ -57,13 +57,14 @@ impl Page {
             pictures.curves.write(&out.join(format!("{}-training.svg", s.name)))?;
             styles.push(pictures);
         }
-        let drawing = LineArt::try_from(&shown.drawing)?.on_paper(SCALE)?;
-        let patch = &shown.evaluation.patches[0];
-        let comparison = comparison(patch, shown)?;
-        let detail = detail(patch, shown)?;
-        let errors = errors(patch, shown)?;
-        let (ssim, psnr) = (scores(shown, "SSIM", 3, |s| s.ssim)?, scores(shown, "PSNR, dB", 2, |s| s.psnr)?);
-        overview(shown, &styles, &drawing)?.write_png(&out.join("overview.png"))?;
+        let drawing = LineArt::try_from(&results.drawing)?.on_paper(SCALE)?;
+        let patch = &results.evaluation.patches[0];
+        let comparison = comparison(patch, results)?;
+        let detail = detail(patch, results)?;
+        let errors = errors(patch, results)?;
+        let (ssim, psnr) =
+            (scores(results, "SSIM", 3, |s| s.ssim)?, scores(results, "PSNR, dB", 2, |s| s.psnr)?);
+        overview(results, &styles, &drawing)?.write_png(&out.join("overview.png"))?;
         drawing.write_png(&out.join("drawing.png"))?;
         comparison.write_png(&out.join("comparison.png"))?;
         detail.write_png(&out.join("detail.png"))?;
@@ -74,9 +75,9 @@ impl Page {
     }
 
     /// The page as HTML.
-    pub(super) fn html(&self, shown: &Shown) -> String {
+    pub(super) fn html(&self, results: &DemoResults) -> String {
         let mut report = Report::new("Terrain from one example and a drawing")
-            .summary(if shown.quick {
+            .summary(if results.quick {
                 "monadnock demo --quick: styles trained briefly, so scores are below those of the full demo"
             } else {
                 "monadnock demo: everything below was made by this run from the two embedded pieces of terrain"
@@ -90,36 +91,36 @@ impl Page {
             &self.drawing,
             "The drawing: ridges orange, valleys blue, high strokes lighter",
         )];
-        for (s, pictures) in shown.styles.iter().zip(&self.styles) {
+        for (s, pictures) in results.styles.iter().zip(&self.styles) {
             figures
                 .push(Figure::new(&pictures.coarse, format!("In the style of {}, without detail", s.title)));
             figures.push(Figure::new(&pictures.drawn, format!("In the style of {}, with detail", s.title)));
         }
         report = report.figures(figures);
         let mut figures = Vec::new();
-        for (s, pictures) in shown.styles.iter().zip(&self.styles) {
+        for (s, pictures) in results.styles.iter().zip(&self.styles) {
             figures.push(Figure::new(&pictures.random, format!("With random lines, for {}", s.title)));
             figures
                 .push(Figure::new(&pictures.enhanced, format!("Their terrain in the style of {}", s.title)));
         }
         report = report.figures(figures);
-        for (s, pictures) in shown.styles.iter().zip(&self.styles) {
+        for (s, pictures) in results.styles.iter().zip(&self.styles) {
             report = style_section(report, s, pictures);
         }
-        report = self.comparison_section(report, shown);
+        report = self.comparison_section(report, results);
         report
             .section("How this was made")
             .paragraph("The same steps one by one; a sketch or DEM of your own goes in the same places.")
-            .commands(&shown.commands)
-            .time_spent(shown.times.iter().map(|(name, time)| (name.as_str(), *time)))
-            .credits(shown.styles.iter().map(|s| s.credit.as_str()))
+            .commands(&results.commands)
+            .time_spent(results.times.iter().map(|(name, time)| (name.as_str(), *time)))
+            .credits(results.styles.iter().map(|s| s.credit.as_str()))
             .finish()
     }
 
-    fn comparison_section(&self, report: Report, shown: &Shown) -> Report {
-        let first = &shown.styles[0];
-        let patches = &shown.evaluation.patches;
-        let lines = aggregate(&shown.evaluation.rows);
+    fn comparison_section(&self, report: Report, results: &DemoResults) -> Report {
+        let first = &results.styles[0];
+        let patches = &results.evaluation.patches;
+        let lines = aggregate(&results.evaluation.rows);
         let mut table = Table::new([
             Column::text("System"),
             Column::number("SSIM", 4).best(Best::Highest),
@@ -162,7 +163,7 @@ impl Page {
 }
 
 impl StylePictures {
-    fn draw(s: &Trained) -> Result<Self> {
+    fn draw(s: &DemoStyle) -> Result<Self> {
         // One light and one range for the exemplar and all that is made in its style.
         let relief = Relief::with_palette(palette(s.name)).scaled(SCALE).fixed_for(&s.source.dem);
         let exemplar = relief.draw(&s.source.dem)?;
@@ -182,10 +183,10 @@ impl StylePictures {
 }
 
 /// Each style in a row: the exemplar, its lines, the drawing, and the drawing as terrain.
-fn overview(shown: &Shown, styles: &[StylePictures], drawing: &Picture) -> Result<Picture> {
+fn overview(results: &DemoResults, styles: &[StylePictures], drawing: &Picture) -> Result<Picture> {
     let mut sheet = Sheet::new(4)
         .column_heads(["one exemplar", "its ridges and valleys", "a drawing", "the drawing as terrain"])
-        .row_heads(shown.styles.iter().map(|s| s.name));
+        .row_heads(results.styles.iter().map(|s| s.name));
     for pictures in styles {
         for picture in [&pictures.exemplar, &pictures.lines, drawing, &pictures.drawn] {
             sheet = sheet.panel(picture.shrunk(2), "");
@@ -198,12 +199,13 @@ fn palette(name: &str) -> Palette {
     if name == "grand-canyon" { Palette::Arid } else { Palette::Alpine }
 }
 
-fn curves(s: &Trained) -> Result<Svg> {
-    let history = &s.style.info.training.history;
-    let points = |f: &dyn Fn(&crate::systems::region_gnn::LossValues) -> f64| -> Vec<(f64, f64)> {
+fn curves(s: &DemoStyle) -> Result<Svg> {
+    let training = s.style.network()?.training();
+    let history = &training.history;
+    let points = |f: &dyn Fn(&crate::style::LossValues) -> f64| -> Vec<(f64, f64)> {
         history.iter().map(|r| (r.epoch as f64, f(&r.losses))).collect()
     };
-    Curves::new(format!("Training on {}, {} epochs", s.name, s.style.info.training.epochs), "epoch")
+    Curves::new(format!("Training on {}, {} epochs", s.name, training.epochs), "epoch")
         .panel(
             Panel::new("loss")
                 .log()
@@ -221,14 +223,14 @@ fn curves(s: &Trained) -> Result<Svg> {
         .draw()
 }
 
-fn style_section(report: Report, s: &Trained, pictures: &StylePictures) -> Report {
-    let (t, e) = (&s.style.info.training, &s.source.info);
-    let range = s.style.info.normalization;
+fn style_section(report: Report, s: &DemoStyle, pictures: &StylePictures) -> Report {
+    let e = &s.source.info;
+    let learned = s.style.coarse.first().map(|system| system.account().text).unwrap_or_default();
+    let range = s.style.origin.normalization;
     report
         .section(format!("The style of {}", s.title))
         .paragraph(format!(
-            "{}x{} cells of {:.1} m at row {}, column {}; {:.0} to {:.0} m. {} epochs in {:.1} s ({:.3} s each). Rebuilt from its own \
-             lines: SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}.",
+            "{}x{} cells of {:.1} m at row {}, column {}; {:.0} to {:.0} m. {learned}.",
             e.rows,
             e.cols,
             s.source.dem.cell_size().mean(),
@@ -236,12 +238,6 @@ fn style_section(report: Report, s: &Trained, pictures: &StylePictures) -> Repor
             e.col,
             range.low(),
             range.high(),
-            t.epochs,
-            t.seconds,
-            t.seconds_per_epoch,
-            t.ssim,
-            t.psnr,
-            t.l_gt
         ))
         .figures([
             Figure::new(&pictures.exemplar, "The exemplar"),
@@ -252,49 +248,51 @@ fn style_section(report: Report, s: &Trained, pictures: &StylePictures) -> Repor
 }
 
 /// Unit heights of a rebuilt patch in metres.
-fn metres(patch: &Rebuilt, unit: &Grid<f32>, shown: &Shown) -> Result<Dem> {
+fn metres(patch: &Rebuilt, unit: &Grid<f32>, results: &DemoResults) -> Result<Dem> {
     let range: Normalization = patch.normalization;
-    Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), shown.compared.cell_size())
+    Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), results.compared.cell_size())
 }
 
-fn comparison(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
-    let truth = metres(patch, &patch.truth, shown)?;
-    let relief = Relief::with_palette(palette(shown.styles[0].name)).scaled(SHEET_SCALE).fixed_for(&truth);
+fn comparison(patch: &Rebuilt, results: &DemoResults) -> Result<Picture> {
+    let truth = metres(patch, &patch.truth, results)?;
+    let relief = Relief::with_palette(palette(results.styles[0].name)).scaled(SHEET_SCALE).fixed_for(&truth);
     let drawn = relief.draw(&truth)?;
     let mut lined = drawn.clone();
     LineArt::from(&patch.lines).overlay(&mut lined, &LineStyle::default())?;
     let mut sheet = Sheet::new(3)
-        .title(format!("{}, row {}, column {}", shown.styles[0].name, patch.origin.row, patch.origin.col))
+        .title(format!("{}, row {}, column {}", results.styles[0].name, patch.origin.row, patch.origin.col))
         .panel(drawn, "truth")
         .panel(lined, "its lines");
     for (name, output) in patch.outputs.iter().filter_map(|(n, o)| Some((n, o.as_ref()?))) {
-        sheet = sheet.panel(relief.draw(&metres(patch, output, shown)?)?, caption(shown, patch, name));
+        sheet = sheet.panel(relief.draw(&metres(patch, output, results)?)?, caption(results, patch, name));
     }
     let bar =
         ColorBar::new(relief.palette, patch.normalization.low(), patch.normalization.high(), "Height, m")?;
-    sheet.color_bar(bar).scale_bar(shown.compared.cell_size().x() / SHEET_SCALE as f64).draw()
+    sheet.color_bar(bar).scale_bar(results.compared.cell_size().x() / SHEET_SCALE as f64).draw()
 }
 
 /// Coarse, detailed, true side by side.
-fn detail(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
-    let truth = metres(patch, &patch.truth, shown)?;
-    let relief = Relief::with_palette(palette(shown.styles[0].name)).scaled(SCALE).fixed_for(&truth);
+fn detail(patch: &Rebuilt, results: &DemoResults) -> Result<Picture> {
+    let truth = metres(patch, &patch.truth, results)?;
+    let relief = Relief::with_palette(palette(results.styles[0].name)).scaled(SCALE).fixed_for(&truth);
     let mut sheet = Sheet::new(3).title("What the detail adds");
+    let uses = results.styles[0].style.uses();
     for (name, output) in patch.outputs.iter().filter_map(|(n, o)| Some((n, o.as_ref()?))) {
-        if name == "gnn" || name == "gnn+detail" {
-            sheet = sheet.panel(relief.draw(&metres(patch, output, shown)?)?, caption(shown, patch, name));
+        if uses.iter().any(|(known, _)| known == name) {
+            sheet =
+                sheet.panel(relief.draw(&metres(patch, output, results)?)?, caption(results, patch, name));
         }
     }
     sheet.panel(relief.draw(&truth)?, "truth").draw()
 }
 
-fn errors(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
-    let truth = metres(patch, &patch.truth, shown)?;
+fn errors(patch: &Rebuilt, results: &DemoResults) -> Result<Picture> {
+    let truth = metres(patch, &patch.truth, results)?;
     let outputs: Vec<(&String, Dem)> = patch
         .outputs
         .iter()
         .filter_map(|(name, output)| Some((name, output.as_ref()?)))
-        .map(|(name, output)| Ok((name, metres(patch, output, shown)?)))
+        .map(|(name, output)| Ok((name, metres(patch, output, results)?)))
         .collect::<Result<_>>()?;
     // One scale for all, so that colours can be compared.
     let mut limit = 0.0f64;
@@ -306,13 +304,13 @@ fn errors(patch: &Rebuilt, shown: &Shown) -> Result<Picture> {
     let mut sheet = Sheet::new(3).title("Height error, output - truth");
     for (name, output) in &outputs {
         let map = error_map(output.heights(), truth.heights(), &patch.valid, limit, SHEET_SCALE)?;
-        sheet = sheet.panel(map, caption(shown, patch, name));
+        sheet = sheet.panel(map, caption(results, patch, name));
     }
     sheet.color_bar(ColorBar::difference(limit, "m")?).draw()
 }
 
-fn caption(shown: &Shown, patch: &Rebuilt, system: &str) -> String {
-    let rows = shown.evaluation.rows.iter();
+fn caption(results: &DemoResults, patch: &Rebuilt, system: &str) -> String {
+    let rows = results.evaluation.rows.iter();
     let row =
         rows.filter(|r| r.row == patch.origin.row && r.col == patch.origin.col).find(|r| r.system == system);
     match row.and_then(|r| r.scores.as_ref()) {
@@ -322,13 +320,13 @@ fn caption(shown: &Shown, patch: &Rebuilt, system: &str) -> String {
 }
 
 fn scores(
-    shown: &Shown,
+    results: &DemoResults,
     quantity: &str,
     decimals: usize,
     value: impl Fn(&crate::metrics::Scores) -> f64,
 ) -> Result<Svg> {
-    let rows = &shown.evaluation.rows;
-    let title = format!("{}: {} patches", shown.styles[0].name, shown.evaluation.patches.len());
+    let rows = &results.evaluation.rows;
+    let title = format!("{}: {} patches", results.styles[0].name, results.evaluation.patches.len());
     let mut plot = ScorePlot::new(title, quantity, Better::Higher).decimals(decimals).highlight("gnn");
     for line in aggregate(rows) {
         let of_system = rows.iter().filter(|r| r.system == line.system).filter_map(|r| r.scores.as_ref());

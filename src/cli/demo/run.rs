@@ -1,29 +1,27 @@
 //! The steps of the demo; every file that they write is kept.
 
 use super::report;
+use super::results::{DemoResults, DemoStyle};
 use crate::cli::Context;
 use crate::cli::generate::ground_of;
+use crate::cli::outputs::{OutputKind, Outputs};
 use crate::cli::sketch_input::in_metres;
 use crate::cli::train::{Bounds, train_with_progress, unseen_with_progress};
+use crate::control::Control;
 use crate::dem::io::{self, WriteOptions};
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
-use crate::experiment::{
-    Evaluation, EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv,
-};
+use crate::evaluate::{EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv};
 use crate::extract;
 use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
-use crate::sketch::{LineMap, Sketch, samples};
-use crate::systems::pipeline::{add_detail, needed_detail, take_patches};
-use crate::systems::region_gnn::Style;
-use crate::systems::region_gnn::style::{Source, StyleConfig};
-use crate::systems::registry;
-use crate::systems::task::{DetailUse, RandomHeights, with_random_lines};
+use crate::sketch::{Sketch, samples};
+use crate::style::{Source, Style, StyleConfig, add_detail, learn_detail};
+use crate::systems::task::{DetailUse, RandomHeights, SketchToTerrain, with_random_lines};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// The embedded exemplars, the first one also for the comparison on its neighbours.
 const EXEMPLARS: [&str; 2] = ["sierra", "grand-canyon"];
@@ -49,43 +47,13 @@ pub(in crate::cli) struct DemoArgs {
     out: PathBuf,
 }
 
-/// One style of the demo with what was made of it.
-pub(super) struct Trained {
-    pub(super) name: &'static str,
-    pub(super) title: String,
-    pub(super) credit: String,
-    pub(super) source: Source,
-    /// Lines of the exemplar, metres.
-    pub(super) lines: LineMap,
-    pub(super) style: Style,
-    /// The exemplar rebuilt from its own lines, metres.
-    pub(super) rebuilt: Dem,
-    /// The drawing as terrain, without detail and with it.
-    pub(super) coarse: Dem,
-    pub(super) drawn: Dem,
-    /// The drawing with random lines (metres), and its terrain.
-    pub(super) enhanced: (Sketch, Dem),
-}
-
-/// Everything that the report shows.
-pub(super) struct Shown {
-    pub(super) quick: bool,
-    pub(super) styles: Vec<Trained>,
-    /// The drawing in metres of the first style.
-    pub(super) drawing: Sketch,
-    pub(super) evaluation: Evaluation,
-    /// Cell size of the compared patches, and their DEM's name.
-    pub(super) compared: Dem,
-    pub(super) times: Vec<(String, Duration)>,
-    pub(super) commands: Vec<String>,
-}
-
 /// Runs the verb.
 ///
 /// # Errors
 /// When the folder cannot be written.
 pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let out = &args.out;
+    Outputs::new().writes("--out", out, OutputKind::Folder).check()?;
     fs::create_dir_all(out).map_err(Error::io(out, "create the folder"))?;
     let mut config = StyleConfig::default();
     if args.quick {
@@ -101,17 +69,20 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
         let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
+        let plan = config.plan()?;
         let mut style = train_with_progress(
             &source,
-            &config,
+            &config.extraction,
+            &*plan,
             context,
             &format!("training on {name}"),
             Bounds::default(),
         )?;
         timed(format!("training on {name}"), started);
         let started = Instant::now();
-        let unseen = unseen_with_progress(&style, &source, None, context)?;
-        take_patches(&mut style, &source, unseen.as_ref(), context.seed)?;
+        let unseen = unseen_with_progress(&source, &config.extraction, &*plan, None, context)?;
+        let patches = context.registry.plan_detail("patches", &toml::Table::new())?;
+        learn_detail(&mut style, &source, &*plan, unseen, &*patches, Control::new(&mut |_| {}))?;
         timed(format!("taking the detail of {name}"), started);
         let started = Instant::now();
         styles.push(draw_with(name, source, style, context)?);
@@ -128,7 +99,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         origins.sort_by_key(|c| c.distance_squared(exemplar));
         origins.truncate(3);
     }
-    let systems = registry::all(&first.style)?;
+    let systems = context.registry.all(&first.style);
     let protocol = EvaluationConfig {
         extraction: config.extraction.clone(),
         sketch_order: None,
@@ -141,39 +112,40 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     timed(format!("rebuilding {} patches with {} systems", origins.len(), systems.len()), started);
 
     let reading = samples::load(DRAWING)?;
-    let drawing = in_metres(&reading, styles[0].style.info.normalization);
+    let drawing = in_metres(&reading, styles[0].style.origin.normalization);
     let commands = commands(&styles, args.quick);
-    let mut shown = Shown { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
+    let mut results =
+        DemoResults { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
     let started = Instant::now();
-    write_data(&shown, out)?;
-    let page = report::Page::draw(&shown, out)?;
-    shown.times.push(("pictures".to_owned(), started.elapsed()));
-    file::write_bytes(&out.join("report.html"), page.html(&shown).as_bytes())?;
+    write_data(&results, out)?;
+    let page = report::Page::draw(&results, out)?;
+    results.times.push(("pictures".to_owned(), started.elapsed()));
+    file::write_bytes(&out.join("report.html"), page.html(&results).as_bytes())?;
     context.console.line(format!("{}", out.join("report.html").display()));
     Ok(())
 }
 
-fn draw_with(name: &'static str, source: Source, style: Style, context: &Context) -> Result<Trained> {
+fn draw_with(name: &'static str, source: Source, style: Style, context: &Context) -> Result<DemoStyle> {
     let tile = bundled::manifest().iter().find(|tile| tile.name == name);
     let (title, credit) = tile.map_or_else(
         || (name.to_owned(), String::new()),
         |tile| (tile.title.clone(), format!("{}: {}. {}", tile.title, tile.credit, tile.licence)),
     );
-    let range = style.info.normalization;
+    let range = style.origin.normalization;
     let unit = range.normalize(&source.dem);
-    let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.info.config.extraction)?;
+    let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.origin.extraction)?;
     let metres = |unit: &Grid<f32>| -> Result<Dem> {
         Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), source.dem.cell_size())
     };
-    let correction = style.info.config.generation.correction;
-    let rebuilt = metres(&style.model.reconstruct(&lines, correction, style.info.seed)?)?;
+    let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop)?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
-    let detail = needed_detail(&style)?;
-    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed);
+    let detail = style.needed_detail()?;
+    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed, &context.stop);
     let terrain = |sketch: &Sketch| -> Result<Dem> {
         let (coarse, lines) = (plain(sketch)?, sketch.rasterize());
         let how = DetailUse::default();
-        let heights = add_detail(&coarse, &detail, range, Some(&lines), None, &how, context.seed)?;
+        let heights =
+            add_detail(&coarse, &**detail, range, Some(&lines), None, &how, context.seed, &context.stop)?;
         Dem::new(heights, source.dem.cell_size())
     };
     let ground = ground_of(&style, range);
@@ -181,7 +153,7 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let coarse = Dem::new(plain(&drawing)?, source.dem.cell_size())?;
     let (drawn, enhanced) = (terrain(&drawing)?, terrain(&richer)?);
     let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
-    Ok(Trained {
+    Ok(DemoStyle {
         name,
         title,
         credit,
@@ -196,9 +168,9 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
 }
 
 /// Styles, sketches, terrain and scores beside the report.
-fn write_data(shown: &Shown, out: &Path) -> Result<()> {
+fn write_data(results: &DemoResults, out: &Path) -> Result<()> {
     let options = WriteOptions::default();
-    for s in &shown.styles {
+    for s in &results.styles {
         let file = |kind: &str| out.join(format!("{}-{kind}", s.name));
         s.style.save(&file("style.safetensors"))?;
         io::write(&s.source.dem, &file("exemplar.tif"), &options)?;
@@ -211,11 +183,11 @@ fn write_data(shown: &Shown, out: &Path) -> Result<()> {
         geojson::write(&file("random-lines.geojson"), &s.enhanced.0, HeightUnit::Metres, None)?;
     }
     file::write_bytes(&out.join("drawing.geojson"), samples::text(DRAWING)?.as_bytes())?;
-    file::write_bytes(&out.join("scores.csv"), to_csv(&shown.evaluation.rows).as_bytes())
+    file::write_bytes(&out.join("scores.csv"), to_csv(&results.evaluation.rows)?.as_bytes())
 }
 
 /// The commands that make the same things one by one.
-fn commands(styles: &[Trained], quick: bool) -> Vec<String> {
+fn commands(styles: &[DemoStyle], quick: bool) -> Vec<String> {
     let mut commands = Vec::new();
     let settings = if quick { " --epochs 60 --set model.extractions=4" } else { "" };
     for s in styles {

@@ -1,14 +1,16 @@
 //! ESRI ASCII grids (`.asc`).
 //!
 //! In: `ncols`, `nrows`, the lower left corner (`xllcorner`, `yllcorner`, or `xllcenter`, `yllcenter`), `cellsize` or
-//! `dx` and `dy`, optionally `nodata_value`, in any order and case; then the numbers, row by row from the north. Out:
-//! a DEM in a local metric system, for the format names no other (a grid that looks like degrees is refused).
+//! `dx` and `dy`, optionally `nodata_value` (or `nodata`), in any order and case; then the numbers, row by row from the north.
+//! Out: a DEM in the system of the `.prj` beside it, else in metres (a grid that looks like degrees is refused).
 //! `nan` and infinite numbers are voids. Cost: one pass.
 
-use super::ground::{self, MapUnit};
-use super::samples::{Rule, Samples, check_size};
-use super::{CellSizeSource, Description, Format, ReadOptions};
-use crate::dem::{Dem, Georeference, RasterSpace};
+use super::mask::FileMask;
+use super::place::{Place, Said, unless_given};
+use super::reading::Source;
+use super::samples::{Rule, Samples, check_size, is_no_nodata, nodata_number};
+use super::{Description, Format, Nodata};
+use crate::dem::{Dem, RasterSpace};
 use crate::error::{Error, Result};
 use crate::file::Output;
 use std::io::Write;
@@ -66,13 +68,14 @@ fn number(path: &Path, field: &str, line: usize, word: Option<&[u8]>) -> Result<
     parsed.ok_or_else(|| Error::file(path, field(), show(word), "allowed: a number, with a decimal point"))
 }
 
-struct Header {
-    values: [Option<f64>; KEYS.len()],
+/// The header: each key's number of line and word, in the order of [`KEYS`].
+struct Header<'a> {
+    words: [Option<(usize, &'a [u8])>; KEYS.len()],
 }
 
-impl Header {
-    fn parse(path: &Path, words: &mut Words<'_>) -> Result<Self> {
-        let mut values = [None; KEYS.len()];
+impl<'a> Header<'a> {
+    fn parse(path: &Path, words: &mut Words<'a>) -> Result<Self> {
+        let mut found = [None; KEYS.len()];
         loop {
             let (before, line) = (words.rest, words.line);
             let Some(word) = words.next() else { break };
@@ -80,31 +83,66 @@ impl Header {
                 (words.rest, words.line) = (before, line);
                 break;
             }
-            let key = KEYS.iter().position(|key| word.eq_ignore_ascii_case(key.as_bytes()));
+            let name: &[u8] = if word.eq_ignore_ascii_case(b"nodata") { b"nodata_value" } else { word };
+            let key = KEYS.iter().position(|key| name.eq_ignore_ascii_case(key.as_bytes()));
             let Some(key) = key else {
                 let allowed = format!("allowed: {}", KEYS.join(", "));
-                return Err(Error::file(
-                    path,
-                    format!("header key (line {})", words.line),
-                    show(word),
-                    allowed,
-                ));
+                let field = format!("header key (line {})", words.line);
+                return Err(Error::file(path, field, show(word), allowed));
             };
-            let value = number(path, KEYS[key], words.line, words.next())?;
-            if values[key].replace(value).is_some() {
-                let field = format!("{} (line {})", KEYS[key], words.line);
-                return Err(Error::file(path, field, "given twice", "allowed: once"));
+            let value = words.next().map(|word| (words.line, word));
+            let field = || format!("{} (line {})", KEYS[key], words.line);
+            let value = value
+                .ok_or_else(|| Error::file(path, field(), "missing", "the file ends here: truncated?"))?;
+            if found[key].replace(value).is_some() {
+                return Err(Error::file(path, field(), "given twice", "allowed: once"));
             }
         }
-        Ok(Self { values })
+        Ok(Self { words: found })
     }
 
-    fn get(&self, key: &str) -> Option<f64> {
-        KEYS.iter().position(|k| *k == key).and_then(|i| self.values[i])
+    fn word(&self, key: &str) -> Option<(usize, &'a [u8])> {
+        KEYS.iter().position(|k| *k == key).and_then(|i| self.words[i])
+    }
+
+    /// The number of a key.
+    fn get(&self, path: &Path, key: &str) -> Result<Option<f64>> {
+        self.word(key).map(|(line, word)| number(path, key, line, Some(word))).transpose()
     }
 
     fn required(&self, path: &Path, key: &str) -> Result<f64> {
-        self.get(key).ok_or_else(|| Error::file(path, key, "absent", "the header must give it"))
+        self.get(path, key)?.ok_or_else(|| Error::file(path, key, "absent", "the header must give it"))
+    }
+
+    /// What marks missing heights.
+    fn nodata_word(&self) -> Option<&'a [u8]> {
+        self.word("nodata_value").map(|(_, word)| word)
+    }
+
+    /// The number that marks missing heights.
+    fn nodata(&self, path: &Path, said: &mut Said) -> Result<Option<f64>> {
+        let Some((line, word)) = self.word("nodata_value") else { return Ok(None) };
+        let text = text_of(word);
+        if is_no_nodata(&text) {
+            said.notes.push(format!("nodata_value is {}: no number marks missing heights", show(word)));
+            return Ok(None);
+        }
+        let refused = || {
+            let allowed = "allowed: a number, null; or say it with --nodata";
+            Error::file(path, format!("nodata_value (line {line})"), show(word), allowed)
+        };
+        nodata_number(&text).map(Some).ok_or_else(refused)
+    }
+
+    /// Where the raster lies.
+    fn place(&self, path: &Path, rows: usize) -> Result<Place> {
+        let (dx, dy) = self.steps(path)?;
+        let (west, point_x) = self.edge(path, "xllcorner", "xllcenter", dx)?;
+        let (south, point_y) = self.edge(path, "yllcorner", "yllcenter", dy)?;
+        let raster_space =
+            if point_x && point_y { RasterSpace::PixelIsPoint } else { RasterSpace::PixelIsArea };
+        let north = south + dy * rows as f64;
+        Ok(Place { transform: Some([dx, 0.0, west, 0.0, -dy, north]), raster_space, ..Place::NOWHERE })
     }
 
     fn side(&self, path: &Path, key: &str) -> Result<u64> {
@@ -128,10 +166,15 @@ impl Header {
             }
             Err(Error::file(path, key, value, "allowed: a positive finite number"))
         };
-        match (self.get("cellsize"), self.get("dx"), self.get("dy")) {
+        match (self.get(path, "cellsize")?, self.get(path, "dx")?, self.get(path, "dy")?) {
             (Some(size), None, None) => check("cellsize", size).map(|s| (s, s)),
             (None, Some(dx), Some(dy)) => Ok((check("dx", dx)?, check("dy", dy)?)),
-            (None, None, None) => Err(Error::file(path, "cellsize", "absent", "the header must give it")),
+            (None, None, None) => Err(Error::file(
+                path,
+                "cellsize",
+                "absent",
+                "the header must give it; or say it with --cell-size M",
+            )),
             _ => Err(Error::file(
                 path,
                 "cell size",
@@ -143,7 +186,7 @@ impl Header {
 
     /// The outer west or south edge in one direction, and whether the file gave the centre of a cell.
     fn edge(&self, path: &Path, corner: &str, centre: &str, step: f64) -> Result<(f64, bool)> {
-        let (edge, point) = match (self.get(corner), self.get(centre)) {
+        let (edge, point) = match (self.get(path, corner)?, self.get(path, centre)?) {
             (Some(edge), None) => (edge, false),
             (None, Some(middle)) => (middle - step / 2.0, true),
             (None, None) => return Err(Error::file(path, corner, "absent", "the header must give it")),
@@ -159,12 +202,17 @@ impl Header {
     }
 }
 
+fn text_of(word: &[u8]) -> String {
+    String::from_utf8_lossy(word).into_owned()
+}
+
 /// `nan` and `inf` are numbers although they begin with a letter.
 fn is_number(word: &[u8]) -> bool {
     std::str::from_utf8(word).is_ok_and(|text| text.parse::<f64>().is_ok())
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
+pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result<(Dem, Description)> {
+    let Source { path, options, sidecars } = *source;
     let mut words = Words { rest: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes), line: 1 };
     let header = Header::parse(path, &mut words)?;
     let (rows, cols) = check_size(path, header.side(path, "nrows")?, header.side(path, "ncols")?)?;
@@ -178,21 +226,17 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
             format!("the file has room for {room} numbers at most: truncated?"),
         ));
     }
-    let (dx, dy) = header.steps(path)?;
-    let (west, point_x) = header.edge(path, "xllcorner", "xllcenter", dx)?;
-    let (south, point_y) = header.edge(path, "yllcorner", "yllcenter", dy)?;
-    let raster_space = if point_x && point_y { RasterSpace::PixelIsPoint } else { RasterSpace::PixelIsArea };
-    let north = south + dy * rows as f64;
-    let georeference = Georeference { transform: [dx, 0.0, west, 0.0, -dy, north], epsg: None, raster_space };
-    let (cell_size, cell_size_source) = match options.cell_size {
-        Some(given) => (given, CellSizeSource::Caller),
-        None => {
-            let size = ground::cell_size(path, &georeference, MapUnit::Unstated, (rows, cols))?;
-            (size, CellSizeSource::File)
-        }
+    let place = unless_given(header.place(path, rows), options, Place::NOWHERE, said)?;
+    let settled = place.settle(path, options, sidecars, (rows, cols), |_| None, said)?;
+    let band = sidecars.band(0);
+    let declared = match (band.nodata, options.nodata) {
+        (Some(beside), _) => Some(beside),
+        (None, Nodata::AsDeclared) => header.nodata(path, said)?,
+        (None, _) => None,
     };
-
-    let rule = Rule::new(path, options, header.get("nodata_value"), 1.0)?;
+    let unit = sidecars.metres_per_height(path, &band, None, options, said)?;
+    let rule = Rule::new(path, options, declared, unit)?
+        .scaled(band.scale.unwrap_or(1.0), band.offset.unwrap_or(0.0));
     let mut samples = Samples::new(rows, cols, rule);
     for i in 0..rows * cols {
         let word = words.next();
@@ -206,6 +250,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
         };
         let value: Option<f64> = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
         let Some(value) = value else {
+            // A height may be missing in the words of the header.
+            if header.nodata_word().is_some_and(|missing| missing == word && is_no_nodata(&text_of(word))) {
+                continue;
+            }
             let field = format!("height at row {}, column {} (line {})", i / cols, i % cols, words.line);
             return Err(Error::file(path, field, show(word), "allowed: a number, with a decimal point"));
         };
@@ -219,15 +267,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
             format!("{cols} columns x {rows} rows end before it"),
         ));
     }
-    let description = Description {
-        format: Format::AsciiGrid,
-        sample: "text",
-        packing: String::new(),
-        coordinates: "local, metres".to_owned(),
-        cell_size_source,
-        notes: Vec::new(),
-    };
-    Ok((samples.into_dem(path, cell_size)?.at(Some(georeference)), description))
+    FileMask { path, options, sidecars, shape: (rows, cols), band: 0 }.apply(&mut samples, said)?;
+    samples.flip(settled.flip_rows, settled.flip_cols);
+    let description = Description::new(Format::AsciiGrid, "text", "", &settled);
+    Ok((samples.into_dem(path, settled.cell_size, said)?.at(settled.georeference), description))
 }
 
 /// Writes the grid: the georeference's coordinates when they are metres on the ground, else local ones, because the

@@ -1,6 +1,7 @@
 //! What a file said about itself, beside its heights.
 
 use super::Format;
+use super::place::Settled;
 
 /// Where a cell size comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -10,6 +11,8 @@ pub enum CellSizeSource {
     File,
     /// The caller gave it in [`ReadOptions`](super::ReadOptions).
     Caller,
+    /// The file states lengths, but not of which unit: metres were assumed.
+    AssumedUnit,
     /// Neither did: 1 m was assumed.
     Assumed,
 }
@@ -27,6 +30,23 @@ pub struct Description {
     pub coordinates: String,
     /// Who stated the cell size.
     pub cell_size_source: CellSizeSource,
-    /// Whatever a careful user would like to know: assumptions made, units converted.
+    /// Whatever a careful user would like to know: assumptions made, units converted, files beside it used or not.
     pub notes: Vec<String>,
+    /// What is probably wrong: strange heights, what was there and could not be read.
+    pub warnings: Vec<String>,
+}
+
+impl Description {
+    /// What a reader knows; notes and warnings follow.
+    pub(super) fn new(format: Format, sample: &'static str, packing: &str, settled: &Settled) -> Self {
+        Self {
+            format,
+            sample,
+            packing: packing.to_owned(),
+            coordinates: settled.georeference.map_or_else(|| "none".to_owned(), |g| g.coordinates_in_words()),
+            cell_size_source: settled.source,
+            notes: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
 }

@@ -38,20 +38,26 @@ impl Format {
         })
     }
 
-    /// The format of a file's content: by magic number, else by extension.
-    pub(super) fn detect(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let by_magic = match bytes {
+    /// The format that a file's first bytes show; an `.hgt` shows none.
+    #[must_use]
+    pub fn of_content(bytes: &[u8]) -> Option<Self> {
+        match bytes {
             [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Some(Self::GeoTiff),
             [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),
             [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Some(Self::Npy),
+            _ if starts_like_ascii_grid(bytes) => Some(Self::AsciiGrid),
             _ => None,
-        };
+        }
+    }
+
+    /// The format of a file's content: by magic number, else by extension.
+    pub(super) fn detect(path: &Path, bytes: &[u8]) -> Result<Self> {
+        let by_magic = Self::of_content(bytes);
         let extension = Self::of_extension(&unpacked_name(path));
         match (by_magic, extension) {
             // An .hgt has no magic number, so that its first heights may look like any.
             (_, Some(Self::Hgt)) => Ok(Self::Hgt),
             (Some(format), _) => Ok(format),
-            (None, _) if starts_like_ascii_grid(bytes) => Ok(Self::AsciiGrid),
             (None, Some(Self::AsciiGrid)) => Ok(Self::AsciiGrid),
             (None, Some(claimed)) => {
                 Err(Error::file(path, "first bytes", show(bytes), format!("{claimed} starts otherwise")))
@@ -60,10 +66,15 @@ impl Format {
                 path,
                 "format",
                 format!("unknown (the file starts with {})", show(bytes)),
-                "allowed: GeoTIFF (.tif), SRTM (.hgt), ESRI ASCII grid (.asc), greyscale PNG, NumPy (.npy), also with .gz",
+                "allowed: GeoTIFF (.tif), SRTM (.hgt), ESRI ASCII grid (.asc), greyscale PNG, NumPy (.npy), also with .gz or alone in a .zip",
             )),
         }
     }
+}
+
+/// Whether a file begins as an archive of zip does.
+pub(super) fn is_zip(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06")
 }
 
 /// Whether a file's name says that it is packed with gzip, as SRTM tiles are handed out (`N46E008.hgt.gz`).
@@ -72,7 +83,7 @@ pub(super) fn is_gzip(path: &Path) -> bool {
 }
 
 /// The name without the ending of gzip.
-fn unpacked_name(path: &Path) -> PathBuf {
+pub(super) fn unpacked_name(path: &Path) -> PathBuf {
     if is_gzip(path) { path.with_extension("") } else { path.to_owned() }
 }
 

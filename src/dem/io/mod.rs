@@ -18,23 +18,28 @@
 //! beyond 1000 km; [`ReadOptions`] says what they mean. Nothing is allocated before the size a header claims has been
 //! checked against [`MAX_CELLS`] and against what the file's length can hold.
 
+mod archive;
 mod ascii_grid;
 mod description;
 mod format;
 mod geotiff;
-mod ground;
 mod hgt;
+mod markers;
+mod mask;
 mod npy;
 mod numbers;
 mod options;
+mod place;
 mod png;
 mod reading;
 mod samples;
+mod sidecars;
 mod writing;
 
 pub use description::{CellSizeSource, Description};
 pub use format::Format;
 pub use options::{Nodata, ReadOptions, SampleType, WriteOptions};
-pub use reading::{MAX_FILE_BYTES, read, read_bytes, read_described};
+pub use reading::{MAX_FILE_BYTES, read, read_bytes, read_described, read_with_sidecars};
 pub use samples::MAX_CELLS;
+pub use sidecars::{Sidecar, beside as sidecars_beside};
 pub use writing::{check_name, write};

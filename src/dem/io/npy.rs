@@ -1,14 +1,16 @@
 //! NumPy arrays (`.npy`).
 //!
 //! In: format version 1 to 3, two dimensions, C or Fortran order, either byte order, integers of 8 to 64 bits,
-//! floats of 16 to 64; numbers are metres, not finite ones are voids. Out: a DEM without a place; the cell size
-//! comes from the options, or is 1 m. Written as little-endian float32 in C order with NaN for voids. Cost: one pass.
+//! floats of 16 to 64; numbers are metres, not finite ones are voids. Out: a DEM; place and cell size
+//! come from the options or a file beside it, else there is no place and a cell is 1 m. Written as little-endian float32 in C order with NaN for voids. Cost: one pass.
 //! Source: numpy.lib.format.
 
 use super::numbers::{NumberKind, NumberType};
+use super::place::{Place, Said};
+use super::reading::Source;
 use super::samples::{Rule, Samples, check_size};
-use super::{CellSizeSource, Description, Format, ReadOptions};
-use crate::dem::{CellSize, Dem};
+use super::{Description, Format};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::file::Output;
 use std::io::Write;
@@ -106,7 +108,8 @@ impl<'a> Header<'a> {
     }
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
+pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result<(Dem, Description)> {
+    let Source { path, options, sidecars } = *source;
     let header = Header::parse(path, bytes)?;
     let (numbers, big_endian) = number_type(path, &header.descr)?;
     let [rows, cols] = header.shape[..] else {
@@ -130,19 +133,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(
     } else {
         numbers.each(header.data, big_endian, |i, value| samples.set(i, value));
     }
-    let (cell_size, cell_size_source) = match options.cell_size {
-        Some(given) => (given, CellSizeSource::Caller),
-        None => (CellSize::square(1.0)?, CellSizeSource::Assumed),
-    };
-    let description = Description {
-        format: Format::Npy,
-        sample: numbers.name(),
-        packing: String::new(),
-        coordinates: "none".to_owned(),
-        cell_size_source,
-        notes: Vec::new(),
-    };
-    Ok((samples.into_dem(path, cell_size)?, description))
+    let settled = Place::NOWHERE.settle(path, options, sidecars, (rows, cols), |_| None, said)?;
+    samples.flip(settled.flip_rows, settled.flip_cols);
+    let description = Description::new(Format::Npy, numbers.name(), "", &settled);
+    Ok((samples.into_dem(path, settled.cell_size, said)?.at(settled.georeference), description))
 }
 
 pub(super) fn write(path: &Path, out: &mut Output<'_>, dem: &Dem) -> Result<()> {

@@ -5,13 +5,16 @@ use super::super::{CellSize, Normalization};
 /// Which stored numbers mean "no height here". Floats that are not finite always do.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Nodata {
-    /// What the file declares. A file that declares nothing but holds a well-known marker (-9999, -32768, ...) far
-    /// from all its other heights is refused, with the advice to use one of the variants below.
+    /// What the file declares. A file that declares nothing but holds numbers far
+    /// from all its other heights that look like a marker (-9999, 65535, ...) is refused, with the advice to use one of the
+    /// variants below; so is one that holds them beside the number that it declares.
     #[default]
     AsDeclared,
     /// This stored number, whatever the file declares.
     Value(f64),
-    /// None: every finite number is a height.
+    /// Either of these stored numbers, whatever the file declares.
+    Either([f64; 2]),
+    /// None: every finite number is a height, and masks and transparency are left aside.
     None,
 }
 
@@ -25,7 +28,7 @@ pub struct ReadOptions {
     pub cell_size: Option<CellSize>,
     /// GeoTIFF only: the band to read, counted from 1. Needed when there are several.
     pub band: Option<usize>,
-    /// Which stored numbers are voids (not for PNG).
+    /// Which stored numbers are voids; for PNG, levels.
     pub nodata: Nodata,
     /// Metres in one unit of the stored heights (0.3048 for feet); overrules the file's vertical unit (not for PNG).
     pub metres_per_unit: Option<f64>,

@@ -1,7 +1,9 @@
 //! Any terrain file to a [`Dem`].
 
-use super::format::is_gzip;
-use super::{Description, Format, ReadOptions, ascii_grid, geotiff, hgt, npy, png};
+use super::format::{is_gzip, is_zip};
+use super::place::Said;
+use super::sidecars::{self, Sidecar, Sidecars};
+use super::{Description, Format, ReadOptions, archive, ascii_grid, geotiff, hgt, npy, png};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::file;
@@ -12,8 +14,15 @@ use std::path::Path;
 /// The largest file that is read: 4 GiB. All of it is held in memory while it is unpacked.
 pub const MAX_FILE_BYTES: u64 = 1 << 32;
 
-/// The largest content of a file packed with gzip: 1 GiB, so that a small file cannot claim all memory.
-const MAX_UNPACKED_BYTES: u64 = 1 << 30;
+/// The largest content of a file packed with gzip or zip: 1 GiB, so that a small file cannot claim all memory.
+pub(super) const MAX_UNPACKED_BYTES: u64 = 1 << 30;
+
+/// What a reader is handed beside the bytes.
+pub(super) struct Source<'a> {
+    pub(super) path: &'a Path,
+    pub(super) options: &'a ReadOptions,
+    pub(super) sidecars: &'a Sidecars,
+}
 
 /// Reads a terrain file; see the [room's table](super) for the formats and what each must say.
 ///
@@ -24,27 +33,49 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Dem> {
     read_described(path, options).map(|(dem, _)| dem)
 }
 
-/// Like [`read`], with what the file said about itself.
+/// Like [`read`], with what the file and the files beside it said.
 ///
 /// # Errors
 /// As [`read`].
 pub fn read_described(path: &Path, options: &ReadOptions) -> Result<(Dem, Description)> {
-    read_bytes(path, &file::read_whole(path, MAX_FILE_BYTES)?, options)
+    let bytes = file::read_whole(path, MAX_FILE_BYTES)?;
+    read_with_sidecars(path, &bytes, &sidecars::beside(path)?, options)
 }
 
-/// Like [`read_described`], from a file's content in memory. `path` need not exist: its name stands in messages, its
-/// extension tells formats without a magic number apart, and the name of an `.hgt` its place.
+/// Like [`read_described`], from a file's content in memory, without the files beside it. `path` need not exist: its name
+/// stands in messages, its extension tells formats without a magic number apart, and the name of an `.hgt` its place.
 ///
 /// # Errors
 /// As [`read`], except for the file system.
 pub fn read_bytes(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
-    if is_gzip(path) {
-        let (dem, mut description) = read_unpacked(path, &gunzip(path, bytes)?, options)?;
+    read_with_sidecars(path, bytes, &[], options)
+}
+
+/// Like [`read_bytes`], with the files beside it (world file, `.prj`, `.aux.xml`, `.msk`).
+///
+/// # Errors
+/// As [`read_bytes`].
+pub fn read_with_sidecars(
+    path: &Path,
+    bytes: &[u8],
+    files: &[Sidecar],
+    options: &ReadOptions,
+) -> Result<(Dem, Description)> {
+    let packed = |packer: &str, (dem, mut description): (Dem, Description)| {
         let packing = std::mem::take(&mut description.packing);
-        description.packing = if packing.is_empty() { "gzip".to_owned() } else { format!("gzip, {packing}") };
-        return Ok((dem, description));
+        description.packing =
+            if packing.is_empty() { packer.to_owned() } else { format!("{packer}, {packing}") };
+        (dem, description)
+    };
+    if is_gzip(path) {
+        return Ok(packed("gzip", read_unpacked(path, &gunzip(path, bytes)?, files, options)?));
     }
-    read_unpacked(path, bytes, options)
+    if is_zip(bytes) {
+        let (name, raster, files) = archive::raster_in(path, bytes)?;
+        // The name inside the archive tells format and place; messages name both.
+        return Ok(packed("zip", read_unpacked(&path.join(name), &raster, &files, options)?));
+    }
+    read_unpacked(path, bytes, files, options)
 }
 
 /// The content of a file packed with gzip.
@@ -61,12 +92,23 @@ fn gunzip(path: &Path, bytes: &[u8]) -> Result<Vec<u8>> {
     Ok(content)
 }
 
-fn read_unpacked(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
-    match Format::detect(path, bytes)? {
-        Format::GeoTiff => geotiff::read(path, bytes, options),
-        Format::Hgt => hgt::read(path, bytes, options),
-        Format::AsciiGrid => ascii_grid::read(path, bytes, options),
-        Format::Png => png::read(path, bytes, options),
-        Format::Npy => npy::read(path, bytes, options),
-    }
+fn read_unpacked(
+    path: &Path,
+    bytes: &[u8],
+    files: &[Sidecar],
+    options: &ReadOptions,
+) -> Result<(Dem, Description)> {
+    let format = Format::detect(path, bytes)?;
+    let mut said = Said::default();
+    let sidecars = Sidecars::parse(path, files, &mut said);
+    let source = Source { path, options, sidecars: &sidecars };
+    let (dem, mut description) = match format {
+        Format::GeoTiff => geotiff::read(&source, bytes, &mut said),
+        Format::Hgt => hgt::read(&source, bytes, &mut said),
+        Format::AsciiGrid => ascii_grid::read(&source, bytes, &mut said),
+        Format::Png => png::read(&source, bytes, &mut said),
+        Format::Npy => npy::read(&source, bytes, &mut said),
+    }?;
+    (description.notes, description.warnings) = (said.notes, said.warnings);
+    Ok((dem, description))
 }

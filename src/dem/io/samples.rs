@@ -1,7 +1,8 @@
 //! Stored numbers on their way to becoming heights: voids told apart, units applied, absurdities refused.
 
 use super::super::{CellSize, Dem};
-use super::{Nodata, ReadOptions};
+use super::place::Said;
+use super::{Nodata, ReadOptions, markers};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use std::path::Path;
@@ -14,11 +15,6 @@ const MAX_HEIGHT: f64 = 1e6;
 
 /// A nodata number beyond this stands for every number beyond it on the same side of 0: none of them can be a height.
 const HUGE_MARKER: f64 = 1e30;
-
-/// Numbers that are popular as undeclared nodata markers, and how far from every other height one of them must be
-/// to be taken for a marker.
-const MARKERS: [f64; 8] = [-9999.0, -32768.0, -32767.0, -99999.0, -999_999.0, 9999.0, 32767.0, 65535.0];
-const MARKER_GAP: f64 = 1000.0;
 
 /// Checks a raster size that a header claims.
 ///
@@ -36,12 +32,33 @@ pub(super) fn check_size(path: &Path, rows: u64, cols: u64) -> Result<(usize, us
     }
 }
 
+/// The number that a nodata text means, as C and C++ programs write it ("-1.#QNAN", "nan(ind)" are NaN); `None` when it is
+/// none.
+pub(super) fn nodata_number(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let not_a_number = |t: &str| {
+        let t = t.trim_start_matches(['-', '+']).to_ascii_lowercase();
+        t.starts_with("1.#qnan")
+            || t.starts_with("1.#snan")
+            || t.starts_with("1.#ind")
+            || t.starts_with("nan")
+    };
+    if not_a_number(text) { Some(f64::NAN) } else { text.parse().ok() }
+}
+
+/// Whether a nodata text says that there is none.
+pub(super) fn is_no_nodata(text: &str) -> bool {
+    let text = text.trim();
+    text.is_empty() || ["null", "none", "no", "n/a", "undefined"].iter().any(|w| text.eq_ignore_ascii_case(w))
+}
+
 /// How a stored number becomes metres: `(number * scale + offset) * metres_per_unit`, unless it is nodata.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rule {
-    nodata: Option<f64>,
+    nodata: [Option<f64>; 2],
     single_precision: bool,
-    undeclared: bool,
+    /// Nobody but the file says which numbers are voids, so that strange ones are refused and not only told.
+    strict: bool,
     scale: f64,
     offset: f64,
 }
@@ -50,21 +67,17 @@ impl Rule {
     /// `declared`: the file's own nodata number. `unit`: the file's own vertical unit in metres.
     pub(super) fn new(path: &Path, options: &ReadOptions, declared: Option<f64>, unit: f64) -> Result<Self> {
         let nodata = match options.nodata {
-            Nodata::AsDeclared => declared,
-            Nodata::Value(value) => Some(value),
-            Nodata::None => None,
+            Nodata::AsDeclared => [declared, None],
+            Nodata::Value(value) => [Some(value), None],
+            Nodata::Either(values) => values.map(Some),
+            Nodata::None => [None; 2],
         };
         let scale = options.metres_per_unit.unwrap_or(unit);
         if !(scale.is_finite() && scale != 0.0) {
             return Err(Error::value("metres per unit", scale, "allowed: finite and not 0").in_file(path));
         }
-        Ok(Self {
-            nodata,
-            single_precision: false,
-            undeclared: options.nodata == Nodata::AsDeclared && declared.is_none(),
-            scale,
-            offset: 0.0,
-        })
+        let strict = options.nodata == Nodata::AsDeclared;
+        Ok(Self { nodata, single_precision: false, strict, scale, offset: 0.0 })
     }
 
     /// With GDAL's scale and offset of the band, applied before the unit.
@@ -80,6 +93,35 @@ impl Rule {
         self
     }
 
+    /// The stored number behind a height, as people would write it.
+    pub(super) fn stored(&self, metres: f64) -> f64 {
+        let stored = (metres - self.offset) / self.scale;
+        let whole = stored.round();
+        if (stored - whole).abs() <= 1e-6 * whole.abs().max(100.0) { whole } else { stored }
+    }
+
+    /// Whether strange numbers are refused.
+    pub(super) fn is_strict(&self) -> bool {
+        self.strict
+    }
+
+    /// Refused although the caller's options name a number.
+    pub(super) fn strict(mut self) -> Self {
+        self.strict = true;
+        self
+    }
+
+    /// Told rather than refused: the numbers have no other meaning than that of heights.
+    pub(super) fn lenient(mut self) -> Self {
+        self.strict = false;
+        self
+    }
+
+    /// The nodata number that the file declared, or the caller gave.
+    pub(super) fn nodata(&self) -> Option<f64> {
+        self.nodata[0]
+    }
+
     fn is_void(&self, value: f64) -> bool {
         let is_marker = |n: f64| {
             n == value
@@ -87,7 +129,7 @@ impl Rule {
                 // Written by hand or rounded, as -3.4e38 for the lowest float.
                 || (n.abs() > HUGE_MARKER && value.abs() > HUGE_MARKER && n.signum() == value.signum())
         };
-        !value.is_finite() || self.nodata.is_some_and(is_marker)
+        !value.is_finite() || self.nodata.into_iter().flatten().any(is_marker)
     }
 }
 
@@ -98,23 +140,15 @@ pub(super) struct Samples {
     heights: Vec<f32>,
     valid: Vec<bool>,
     rule: Rule,
-    absurd: Option<(usize, f64)>,
-    marker: Option<f64>,
+    /// Where the first number lies that is beyond all heights, the number, and how many there are.
+    absurd: Option<(usize, f64, usize)>,
 }
 
 impl Samples {
     /// An empty raster whose size has been checked against the file.
     pub(super) fn new(rows: usize, cols: usize, rule: Rule) -> Self {
         let cells = rows * cols;
-        Self {
-            rows,
-            cols,
-            heights: vec![0.0; cells],
-            valid: vec![false; cells],
-            rule,
-            absurd: None,
-            marker: None,
-        }
+        Self { rows, cols, heights: vec![0.0; cells], valid: vec![false; cells], rule, absurd: None }
     }
 
     /// Stores the number at position `index`, row by row.
@@ -124,14 +158,23 @@ impl Samples {
         }
         let metres = value * self.rule.scale + self.rule.offset;
         if metres.abs() > MAX_HEIGHT {
-            self.absurd.get_or_insert((index, value));
+            self.absurd.get_or_insert((index, value, 0)).2 += 1;
             return;
-        }
-        if self.rule.undeclared && !(-9998.0..9999.0).contains(&value) && MARKERS.contains(&value) {
-            self.marker.get_or_insert(value);
         }
         self.heights[index] = metres as f32;
         self.valid[index] = true;
+    }
+
+    /// Makes the cells void where `known` is false, in the file's own order; returns how many had a height.
+    pub(super) fn mask(&mut self, known: impl Fn(usize) -> bool) -> usize {
+        let mut masked = 0;
+        for (i, valid) in self.valid.iter_mut().enumerate() {
+            if *valid && !known(i) {
+                *valid = false;
+                masked += 1;
+            }
+        }
+        masked
     }
 
     /// Turns the raster so that row 0 is the northern one (see [`super::ground::Placement`]).
@@ -151,39 +194,24 @@ impl Samples {
         }
     }
 
-    /// The finished DEM.
-    pub(super) fn into_dem(self, path: &Path, cell_size: CellSize) -> Result<Dem> {
-        if let Some((index, value)) = self.absurd {
+    /// The finished DEM. Says in `said` which heights are strange.
+    pub(super) fn into_dem(self, path: &Path, cell_size: CellSize, said: &mut Said) -> Result<Dem> {
+        if let Some((index, value, count)) = self.absurd {
+            let cells =
+                if count == 1 { String::new() } else { format!(" (and of {} cells more)", count - 1) };
             return Err(Error::file(
                 path,
-                format!("height at row {}, column {}", index / self.cols, index % self.cols),
+                format!("height at row {}, column {}{cells}", index / self.cols, index % self.cols),
                 format!("{value:e}"),
                 format!(
-                    "allowed: up to {MAX_HEIGHT} m from 0; if the number marks missing heights, give it as nodata"
+                    "allowed: up to {MAX_HEIGHT} m from 0; if the number marks missing heights, say so: --nodata {value:e}"
                 ),
             ));
         }
-        self.check_marker(path)?;
+        markers::check(path, &self.rule, &self.heights, &self.valid, said)?;
         let heights = Grid::from_vec(self.rows, self.cols, self.heights)?;
         let valid = Grid::from_vec(self.rows, self.cols, self.valid)?;
         Dem::with_voids(heights, valid, cell_size).map_err(|e| e.in_file(path))
-    }
-
-    fn check_marker(&self, path: &Path) -> Result<()> {
-        let Some(marker) = self.marker else { return Ok(()) };
-        let metres = (marker * self.rule.scale + self.rule.offset) as f32;
-        let gap = (MARKER_GAP * self.rule.scale.abs()) as f32;
-        let known = || self.heights.iter().zip(&self.valid).filter(|(_, ok)| **ok).map(|(&z, _)| z);
-        if known().any(|z| z != metres && (z - metres).abs() <= gap) {
-            return Ok(());
-        }
-        let count = known().filter(|&z| z == metres).count();
-        Err(Error::file(
-            path,
-            format!("height of {count} cells"),
-            format!("{marker}, far from all others, and no nodata value is declared"),
-            format!("say what it means: nodata {marker}, or nodata none if it is a height"),
-        ))
     }
 }
 
@@ -198,25 +226,32 @@ mod tests {
         for (i, &v) in values.iter().enumerate() {
             samples.set(i, v);
         }
-        samples.into_dem(path, CellSize::square(1.0)?)
+        samples.into_dem(path, CellSize::square(1.0)?, &mut Said::default())
     }
 
     #[test]
-    fn undeclared_markers_are_refused_until_explained() {
-        let values = [1.0, 2.0, -9999.0, 3.0];
-        let message = fill(&values, Nodata::AsDeclared, None).unwrap_err().to_string();
-        assert!(message.contains("-9999") && message.contains("nodata"), "{message}");
-        assert_eq!(fill(&values, Nodata::AsDeclared, Some(-9999.0)).unwrap().void_count(), 1);
-        assert_eq!(fill(&values, Nodata::Value(-9999.0), None).unwrap().void_count(), 1);
-        assert_eq!(fill(&values, Nodata::None, None).unwrap().void_count(), 0);
-        // A trench where -9999 has neighbours is bathymetry, not a marker.
-        assert_eq!(fill(&[-9999.0, -9950.0, 2.0, 3.0], Nodata::AsDeclared, None).unwrap().void_count(), 0);
+    fn nodata_texts() {
+        for text in ["nan", "-1.#QNAN", "1.#IND", "-nan(ind)", " NaN "] {
+            assert!(nodata_number(text).unwrap().is_nan(), "{text}");
+        }
+        assert_eq!(
+            (nodata_number("-9999.0 "), nodata_number("null"), nodata_number("-9999,0")),
+            (Some(-9999.0), None, None)
+        );
+        assert!(is_no_nodata("NULL") && is_no_nodata(" ") && !is_no_nodata("-1"));
+    }
+
+    #[test]
+    fn two_numbers_can_be_voids() {
+        let values = [1.0, 2.0, -9999.0, 32767.0];
+        let dem = fill(&values, Nodata::Either([-9999.0, 32767.0]), Some(2.0)).unwrap();
+        assert_eq!((dem.void_count(), dem.range()), (2, (1.0, 2.0)));
     }
 
     #[test]
     fn absurd_heights_name_their_cell() {
         let message = fill(&[1.0, 2.0, 3.0, -3.4e38], Nodata::AsDeclared, None).unwrap_err().to_string();
-        assert!(message.contains("row 1, column 1") && message.contains("nodata"), "{message}");
+        assert!(message.contains("row 1, column 1") && message.contains("--nodata -3.4e38"), "{message}");
         let dem = fill(&[1.0, f64::NAN, f64::INFINITY, 4.0], Nodata::AsDeclared, None).unwrap();
         assert_eq!(dem.void_count(), 2);
     }

@@ -405,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cycle_is_symmetric_positive_and_nearly_the_inverse() {
+    fn the_cycle_is_a_symmetric_positive_near_inverse() {
         for (rows, cols) in SIDES {
             for (name, raster, weakest) in operators(rows, cols) {
                 let free = free(rows, cols);

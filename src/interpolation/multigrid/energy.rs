@@ -70,6 +70,14 @@ impl Energy {
         stencil
     }
 
+    /// The sum of the absolute values of the operator's row at a cell inside.
+    pub(super) const fn row_sum(self) -> f64 {
+        match self {
+            Self::Membrane => 8.0,
+            Self::Plate => 64.0,
+        }
+    }
+
     /// The operator's diagonal at a cell.
     pub(super) fn diagonal(self, row: usize, col: usize, rows: usize, cols: usize) -> f64 {
         let neighbours = degree(row, rows) + degree(col, cols);

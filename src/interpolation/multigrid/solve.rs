@@ -16,6 +16,10 @@ const TOLERANCE: f64 = 1e-10;
 /// The recomputed residual may be this much larger than the tolerance: the recursion drifts by rounding.
 const DRIFT: f64 = 10.0;
 
+/// A residual this many roundings large cannot be told from zero. It is the bound where the start is so near the surface
+/// that [`TOLERANCE`] of its residual lies below what sums of heights resolve: a single void among its neighbours.
+const ROUNDINGS: f64 = 4.0;
+
 /// A membrane needs 8 to 20 steps; a plate 15 to 50 and, over wide empty regions between lines, up to a few hundred.
 const MOST_STEPS: usize = 3000;
 
@@ -37,9 +41,11 @@ pub(in crate::interpolation) fn solve(energy: Energy, known: &Mask, values: &Gri
         if known[i] { values[i] - middle } else { 0.0 }
     });
     let free = Plane::<f64>::from_fn(rows, cols, |row, col| f64::from(u8::from(!known[row * cols + col])));
+    let unknown = known.iter().filter(|k| !**k).count();
+    let rounding = ROUNDINGS * f64::EPSILON * energy.row_sum() * (high - middle);
     let mut gradients = Gradients::new(RasterOperator::new(energy, free, None), TOLERANCE);
     let start = gradients.residual_of(&x, None);
-    gradients.descend(&mut x, None, start)?;
+    gradients.descend(&mut x, None, start, rounding * rounding * unknown as f64)?;
     let surface =
         (0..rows * cols).map(|i| if known[i] { values[i] } else { x.row(i / cols)[i % cols] + middle });
     Grid::from_vec(rows, cols, surface.collect())
@@ -72,7 +78,7 @@ impl Held {
         let (mut answer, right_side) = (plane(x), plane(right_side));
         // The tolerance counts from a level surface, however near `x` is already.
         let start = sum_rows(rows, |row| dot(right_side.row(row), right_side.row(row)));
-        self.gradients.descend(&mut answer, Some(&right_side), start)?;
+        self.gradients.descend(&mut answer, Some(&right_side), start, 0.0)?;
         for (row, out) in x.as_mut_slice().chunks_exact_mut(cols).enumerate() {
             out.copy_from_slice(answer.row(row));
         }
@@ -118,16 +124,26 @@ impl Gradients {
         })
     }
 
-    /// Moves the free cells of `x` to the surface. `start`: squared norm from which the tolerance counts.
-    fn descend(&mut self, x: &mut Plane<f64>, right_side: Option<&Plane<f64>>, start: f64) -> Result<()> {
+    /// Moves the free cells of `x` to the surface. `start`: squared norm from which the tolerance counts; `rounding`: the squared
+    /// residual that rounding alone can make.
+    fn descend(
+        &mut self,
+        x: &mut Plane<f64>,
+        right_side: Option<&Plane<f64>>,
+        start: f64,
+        rounding: f64,
+    ) -> Result<()> {
         let mut squared = self.residual_of(x, right_side);
-        if squared == 0.0 {
+        if squared <= rounding {
             return Ok(());
         }
         let start = if start > 0.0 { start } else { squared };
         let rows = x.rows();
         let mut cycle = self.cycle.take().unwrap_or_else(|| Cycle::new(self.operator.narrow()));
         let done = self.tolerance * self.tolerance;
+        // Below the rounding nothing is left to descend by: neither the slope nor the curvature means anything.
+        let enough = (done * start).max(rounding);
+        let by_residual_alone = rounding >= done * start;
         let (mut first_slope, mut slope) = (None, None);
         let mut reached = false;
         for _ in 0..MOST_STEPS {
@@ -145,9 +161,9 @@ impl Gradients {
             let now = scale * sum_rows(rows, |row| dot(towards.row(row), residual.row(row)));
             // From where the descent began, or from as far as the whole of `start` would be in the same direction.
             let begun = *first_slope.get_or_insert(now * (start / squared).max(1.0));
-            if squared <= done * start && now <= done * begun {
+            if squared <= enough && (by_residual_alone || now <= done * begun) {
                 squared = self.residual_of(x, right_side);
-                if squared <= DRIFT * DRIFT * done * start {
+                if squared <= DRIFT * DRIFT * enough {
                     reached = true;
                     break;
                 }

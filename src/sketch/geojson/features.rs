@@ -3,10 +3,13 @@
 //! The positions are taken from the JSON directly: the `geojson` crate refuses a `null` height, which tools do write, and
 //! cannot say where it stood.
 
-use super::reading::MissingHeights;
+use super::notes::Notes;
+use super::number::{number, shown};
+use super::options::ReadOptions;
+use super::properties::{Height, NamedHeights, Properties, PropertyHeights};
 use crate::error::{Error, Result};
-use crate::sketch::{StrokeKind, Vertex};
-use serde_json::{Map, Value};
+use crate::sketch::StrokeKind;
+use serde_json::Value;
 
 /// A line as it stands in the file.
 #[derive(Debug)]
@@ -15,26 +18,32 @@ pub(super) struct RawLine {
     /// Where it stands ("feature 3" or "feature 3, line 2"), counted from 1.
     pub(super) name: String,
     pub(super) points: Vec<RawPoint>,
-    /// Height of the whole line, from a property.
-    height: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RawPoint {
     pub(super) x: f64,
     pub(super) y: f64,
-    z: Option<f64>,
+    /// As the file gives it; `None` when it does not.
+    pub(super) z: Option<Height>,
 }
 
-/// Heights beyond this many metres are no heights, as in terrain files (`dem::io`), which could not hold them.
-const MAX_HEIGHT: f64 = 1e6;
-const HEIGHTS: &str = "allowed: a finite number, up to 1000000 from 0";
+/// A line without its kind.
+struct Shape {
+    name: String,
+    points: Vec<RawPoint>,
+}
 
-/// Properties that may hold the height of a whole line, in order of preference.
-const HEIGHT_PROPERTIES: [&str; 3] = ["z", "height", "elevation"];
+const GEOMETRIES: &str = "allowed: LineString, MultiLineString, Point, MultiPoint, Polygon, MultiPolygon (their outlines), \
+                          GeometryCollection";
 
 /// The lines of the `number`-th feature (from 1); none when its geometry is null or empty.
-pub(super) fn lines_of(feature: &Value, number: usize) -> Result<Vec<RawLine>> {
+pub(super) fn lines_of(
+    feature: &Value,
+    number: usize,
+    options: &ReadOptions,
+    notes: &mut Notes,
+) -> Result<Vec<RawLine>> {
     let name = format!("feature {number}");
     let wrong = |value: &dyn std::fmt::Display, allowed: &str| {
         Error::value(name.clone(), value, format!("allowed: {allowed}"))
@@ -45,100 +54,196 @@ pub(super) fn lines_of(feature: &Value, number: usize) -> Result<Vec<RawLine>> {
         Some(other) => return Err(wrong(&format!("of type {other}"), "a Feature")),
         None => return Err(wrong(&"without a type", "a Feature")),
     }
-    let geometry = match object.get("geometry") {
-        None | Some(Value::Null) => return Ok(Vec::new()),
-        Some(geometry) => geometry,
-    };
-    let kind_name = geometry.get("type").and_then(Value::as_str).unwrap_or("missing");
-    if !matches!(kind_name, "LineString" | "MultiLineString" | "Point") {
-        return Err(Error::value(
-            format!("geometry type of {name}"),
-            kind_name,
-            "allowed: LineString, MultiLineString, Point",
-        ));
-    }
-    let coordinates = geometry.get("coordinates").unwrap_or(&Value::Null);
-    let properties = object.get("properties").and_then(Value::as_object);
-    let points = match kind_name {
-        "Point" if is_empty(coordinates) => Vec::new(),
-        "Point" => vec![(name.clone(), vec![position(coordinates, &name)?])],
-        "LineString" => vec![(name.clone(), positions(coordinates, &name)?)],
-        _ => {
-            let lines = array(coordinates, &name)?.iter().enumerate();
-            let named = lines.map(|(i, line)| (format!("{name}, line {}", i + 1), line));
-            named.map(|(name, line)| Ok((name.clone(), positions(line, &name)?))).collect::<Result<_>>()?
+    let mut shapes = Vec::new();
+    match object.get("geometry") {
+        None | Some(Value::Null) => {}
+        Some(geometry) => {
+            let numbered = geometry.get("type").and_then(Value::as_str) != Some("LineString");
+            Reader { name: &name, numbered, options, notes }.geometry(geometry, &mut shapes)?;
         }
-    };
-    let points: Vec<_> = points.into_iter().filter(|(_, points)| !points.is_empty()).collect();
-    if points.is_empty() {
+    }
+    if shapes.is_empty() {
         return Ok(Vec::new());
     }
-    let kind = stroke_kind(properties, &name)?;
-    let height = line_height(properties, &name)?;
-    Ok(points.into_iter().map(|(name, points)| RawLine { kind, name, points, height }).collect())
-}
-
-fn stroke_kind(properties: Option<&Map<String, Value>>, name: &str) -> Result<StrokeKind> {
-    let value = properties.and_then(|p| p.get("kind"));
-    let text = value.and_then(Value::as_str).unwrap_or_default().trim();
-    if text.eq_ignore_ascii_case("ridge") {
-        Ok(StrokeKind::Ridge)
-    } else if text.eq_ignore_ascii_case("valley") {
-        Ok(StrokeKind::Valley)
-    } else {
-        let found = value.map_or_else(|| "missing".to_owned(), shortened);
-        Err(Error::value(format!("property `kind` of {name}"), found, "allowed: ridge, valley"))
+    if let [only] = shapes.as_mut_slice() {
+        only.name.clone_from(&name);
     }
-}
-
-fn line_height(properties: Option<&Map<String, Value>>, name: &str) -> Result<Option<f64>> {
-    let found = HEIGHT_PROPERTIES.iter().find_map(|&key| Some((key, properties?.get(key)?)));
-    match found {
-        None | Some((_, Value::Null)) => Ok(None),
-        Some((key, value)) => match value.as_f64().filter(|z| is_height(*z)) {
-            Some(z) => Ok(Some(z)),
-            None => Err(Error::value(format!("property `{key}` of {name}"), shortened(value), HEIGHTS)),
-        },
+    let properties =
+        Properties { of: object.get("properties").and_then(Value::as_object), name: &name, options };
+    let kind = properties.kind(notes)?;
+    if let Some(heights) = properties.heights(notes)? {
+        take_heights(&mut shapes, &heights, &name, options, notes)?;
     }
+    Ok(shapes.into_iter().map(|shape| RawLine { kind, name: shape.name, points: shape.points }).collect())
 }
 
-fn positions(value: &Value, name: &str) -> Result<Vec<RawPoint>> {
-    let points = array(value, name)?.iter().enumerate();
-    points.map(|(i, p)| position(p, &format!("{name}, vertex {}", i + 1))).collect()
-}
-
-fn position(value: &Value, name: &str) -> Result<RawPoint> {
-    let numbers = array(value, name)?;
-    let wrong = |what: &str, found: &Value| {
-        Error::value(format!("{what} of {name}"), shortened(found), "allowed: a finite number")
-    };
-    let &[ref x, ref y, ref rest @ ..] = numbers.as_slice() else {
-        return Err(Error::value(name, shortened(value), "allowed: [x, y, z]"));
-    };
-    let z = match rest.first() {
-        None | Some(Value::Null) => None,
-        Some(z) => {
-            let refuse = || Error::value(format!("height of {name}"), shortened(z), HEIGHTS);
-            Some(z.as_f64().filter(|z| is_height(*z)).ok_or_else(refuse)?)
+/// Gives the heights of a property to the vertices that have none, and to the lines that have only zeros: what drawing
+/// programs write where nobody gave a height. A property that the caller named comes before the coordinates.
+fn take_heights(
+    shapes: &mut [Shape],
+    given: &NamedHeights,
+    name: &str,
+    options: &ReadOptions,
+    notes: &mut Notes,
+) -> Result<()> {
+    let property = &given.property;
+    let total: usize = shapes.iter().map(|shape| shape.points.len()).sum();
+    let of_vertex: Vec<Option<Height>> = match &given.heights {
+        PropertyHeights::One(height) => vec![Some(*height); total],
+        PropertyHeights::Each(heights) if heights.len() == total => heights.clone(),
+        PropertyHeights::Each(heights) => {
+            return Err(Error::value(
+                format!("property `{property}` of {name}"),
+                format!("a list of {} heights", heights.len()),
+                format!("the feature has {total} vertices: allowed: as many, or one height for all"),
+            ));
         }
     };
-    let coordinate = |what: &str, v: &Value| v.as_f64().ok_or_else(|| wrong(what, v));
-    Ok(RawPoint { x: coordinate("x", x)?, y: coordinate("y", y)?, z })
+    let mut start = 0;
+    for shape in shapes {
+        let of_line = &of_vertex[start..start + shape.points.len()];
+        start += shape.points.len();
+        let zeros = shape.points.iter().all(|p| p.z.is_some_and(|z| z.value == 0.0));
+        let overrules = options.height_property.is_some();
+        if zeros && of_line.iter().any(|z| z.is_some_and(|z| z.value != 0.0)) && !overrules {
+            let what = format!("with z = 0 in the coordinates: the heights of property `{property}` count");
+            notes.line(&what, &shape.name);
+        } else if !zeros && !overrules && shape.points.iter().zip(of_line).any(|(p, z)| differs(p.z, *z)) {
+            let what = format!(
+                "with heights in the coordinates and in property `{property}`: those in the coordinates count \
+                 (--height-property {property} takes the others)"
+            );
+            notes.line(&what, &shape.name);
+        }
+        for (point, &z) in shape.points.iter_mut().zip(of_line) {
+            point.z = if zeros || overrules { z.or(point.z) } else { point.z.or(z) };
+        }
+    }
+    Ok(())
 }
 
-/// Not NaN, and no farther from 0 than a terrain file may hold.
-fn is_height(z: f64) -> bool {
-    z.abs() <= MAX_HEIGHT
+fn differs(a: Option<Height>, b: Option<Height>) -> bool {
+    a.zip(b).is_some_and(|(a, b)| a.value != b.value)
 }
 
-fn array<'a>(value: &'a Value, name: &str) -> Result<&'a Vec<Value>> {
-    value.as_array().ok_or_else(|| {
-        Error::value(
-            format!("coordinates of {name}"),
-            kind_of_value(value),
-            "allowed: an array as deep as the geometry type asks",
-        )
-    })
+/// Reads the geometry of one feature.
+struct Reader<'a> {
+    name: &'a str,
+    /// Whether the feature may hold several lines, which are then counted in messages.
+    numbered: bool,
+    options: &'a ReadOptions,
+    notes: &'a mut Notes,
+}
+
+impl Reader<'_> {
+    /// Appends the lines of `geometry`, without those that are empty.
+    fn geometry(&mut self, geometry: &Value, shapes: &mut Vec<Shape>) -> Result<()> {
+        let kind = geometry.get("type").and_then(Value::as_str).unwrap_or("missing");
+        let coordinates = geometry.get("coordinates").unwrap_or(&Value::Null);
+        match kind {
+            "Point" if is_empty(coordinates) => {}
+            "Point" => {
+                let name = self.name.to_owned();
+                let points = vec![self.position(coordinates, &name)?];
+                shapes.push(Shape { name, points });
+            }
+            "MultiPoint" => {
+                for (i, position) in self.array(coordinates, self.name)?.iter().enumerate() {
+                    let name = format!("{}, point {}", self.name, i + 1);
+                    let points = vec![self.position(position, &name)?];
+                    shapes.push(Shape { name, points });
+                }
+            }
+            "LineString" => self.line(coordinates, false, shapes)?,
+            "MultiLineString" => {
+                for line in self.array(coordinates, self.name)? {
+                    self.line(line, false, shapes)?;
+                }
+            }
+            "Polygon" => self.rings(coordinates, shapes)?,
+            "MultiPolygon" => {
+                for polygon in self.array(coordinates, self.name)? {
+                    self.rings(polygon, shapes)?;
+                }
+            }
+            "GeometryCollection" => {
+                let members = geometry.get("geometries").unwrap_or(&Value::Null);
+                for member in self.array(members, self.name)? {
+                    self.geometry(member, shapes)?;
+                }
+            }
+            other => {
+                return Err(Error::value(format!("geometry type of {}", self.name), other, GEOMETRIES));
+            }
+        }
+        Ok(())
+    }
+
+    /// The rings of a polygon, as closed lines.
+    fn rings(&mut self, polygon: &Value, shapes: &mut Vec<Shape>) -> Result<()> {
+        let before = shapes.len();
+        for ring in self.array(polygon, self.name)? {
+            self.line(ring, true, shapes)?;
+        }
+        if shapes.len() > before {
+            self.notes.line("drawn as a polygon: taken as its outline", self.name);
+        }
+        Ok(())
+    }
+
+    fn line(&mut self, coordinates: &Value, closed: bool, shapes: &mut Vec<Shape>) -> Result<()> {
+        // Lines of one feature are counted over all its parts.
+        let name = match self.numbered {
+            true => format!("{}, line {}", self.name, shapes.len() + 1),
+            false => self.name.to_owned(),
+        };
+        let positions = self.array(coordinates, self.name)?;
+        let mut points = Vec::with_capacity(positions.len());
+        for (i, position) in positions.iter().enumerate() {
+            points.push(self.position(position, &format!("{name}, vertex {}", i + 1))?);
+        }
+        if let (true, [first, .., last]) = (closed, points.as_slice())
+            && (first.x, first.y) != (last.x, last.y)
+        {
+            points.push(*first);
+        }
+        if !points.is_empty() {
+            shapes.push(Shape { name, points });
+        }
+        Ok(())
+    }
+
+    fn position(&mut self, value: &Value, name: &str) -> Result<RawPoint> {
+        let numbers = self.array(value, name)?;
+        let &[ref x, ref y, ref rest @ ..] = numbers.as_slice() else {
+            return Err(Error::value(name, shown(value), "allowed: [x, y, z]"));
+        };
+        if rest.len() > 1 {
+            self.notes.line(
+                "with more than three numbers at a vertex: those after the height are not read",
+                self.name,
+            );
+        }
+        let coordinate = |what: &str, v: &Value| match number(v) {
+            Ok(Some(found)) if found.metres_per_unit.is_none() => Ok(found.value),
+            _ => Err(Error::value(format!("{what} of {name}"), shown(v), "allowed: a finite number")),
+        };
+        let z = match rest.first() {
+            None => None,
+            Some(z) => Height::read(z, &format!("height of {name}"), None, self.options)?,
+        };
+        Ok(RawPoint { x: coordinate("x", x)?, y: coordinate("y", y)?, z })
+    }
+
+    fn array<'v>(&self, value: &'v Value, name: &str) -> Result<&'v Vec<Value>> {
+        value.as_array().ok_or_else(|| {
+            Error::value(
+                format!("coordinates of {name}"),
+                kind_of_value(value),
+                "allowed: an array as deep as the geometry type asks",
+            )
+        })
+    }
 }
 
 fn is_empty(value: &Value) -> bool {
@@ -154,75 +259,4 @@ fn kind_of_value(value: &Value) -> &'static str {
         Value::Array(_) => "an array",
         Value::Object(_) => "an object",
     }
-}
-
-/// A value fit to be shown in a message.
-fn shortened(value: &Value) -> String {
-    const LONGEST: usize = 60;
-    let text = match value {
-        Value::String(text) => text.clone(),
-        other => other.to_string(),
-    };
-    if text.chars().count() <= LONGEST {
-        text
-    } else {
-        text.chars().take(LONGEST).chain("...".chars()).collect()
-    }
-}
-
-impl RawLine {
-    /// The vertices of the line after `place` has moved its points onto the raster, every one with a height.
-    pub(super) fn vertices(
-        &self,
-        missing: MissingHeights,
-        place: impl Fn(f64, f64) -> (f64, f64),
-    ) -> Result<Vec<Vertex>> {
-        let given = |p: &RawPoint| p.z.or(self.height);
-        if let Some(i) = self.points.iter().position(|p| given(p).is_none()) {
-            let without_any = self.points.iter().all(|p| given(p).is_none());
-            if missing == MissingHeights::Refuse || without_any {
-                let allowed = if without_any {
-                    "allowed: [x, y, z], or the height of the whole line as property `z`"
-                } else {
-                    "allowed: [x, y, z], or missing heights interpolated along the line by option"
-                };
-                let name = format!("height of {}, vertex {}", self.name, i + 1);
-                return Err(Error::value(name, "missing", allowed));
-            }
-        }
-        let placed: Vec<(f64, f64)> = self.points.iter().map(|p| place(p.x, p.y)).collect();
-        if let Some(i) = placed.iter().position(|(x, y)| !(x.is_finite() && y.is_finite())) {
-            return Err(Error::value(
-                format!("position of {}, vertex {}", self.name, i + 1),
-                format!("({}, {})", self.points[i].x, self.points[i].y),
-                "allowed: coordinates that the map's georeference can place",
-            ));
-        }
-        let heights = interpolated(&placed, &self.points.iter().map(given).collect::<Vec<_>>());
-        Ok(placed.into_iter().zip(heights).map(|((x, y), z)| Vertex { x, y, z }).collect())
-    }
-}
-
-/// Fills the gaps between given heights linearly by the length along the line; beyond the first and the last given
-/// height the line is level. At least one is given.
-fn interpolated(points: &[(f64, f64)], heights: &[Option<f64>]) -> Vec<f64> {
-    let mut along = vec![0.0];
-    for w in points.windows(2) {
-        along.push(along[along.len() - 1] + (w[1].0 - w[0].0).hypot(w[1].1 - w[0].1));
-    }
-    let known: Vec<(usize, f64)> = heights.iter().enumerate().filter_map(|(i, z)| Some((i, (*z)?))).collect();
-    let at = |i: usize| {
-        let after = known.partition_point(|&(j, _)| j < i);
-        match (after.checked_sub(1).map(|b| known[b]), known.get(after)) {
-            (_, Some(&(j, z))) if j == i => z,
-            (Some((a, from)), Some(&(b, to))) => {
-                let share = (along[i] - along[a]) / (along[b] - along[a]);
-                // Not a number when the whole gap has no length, or a length beyond all numbers.
-                from + (to - from) * if share.is_finite() { share } else { 0.0 }
-            }
-            (Some((_, z)), None) | (None, Some(&(_, z))) => z,
-            (None, None) => unreachable!("a line without any height was refused"),
-        }
-    };
-    (0..points.len()).map(at).collect()
 }

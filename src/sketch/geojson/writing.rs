@@ -1,6 +1,7 @@
 //! [`Sketch`] -> GeoJSON, one feature a line of text.
 
-use super::member::{HeightUnit, KEY, MapMember, crs_member};
+use super::crs::crs_member;
+use super::member::{HeightUnit, KEY, MapMember};
 use crate::dem::Georeference;
 use crate::error::{Error, Result};
 use crate::file::write_atomically;
@@ -36,7 +37,7 @@ pub fn to_text(sketch: &Sketch, unit: HeightUnit, georeference: Option<&Georefer
     let member = MapMember {
         rows: Some(sketch.rows),
         cols: Some(sketch.cols),
-        unit: Some(unit),
+        unit: Some(unit.name().to_owned()),
         georeference: georeference.copied(),
     };
     let mut text = String::from("{\"type\":\"FeatureCollection\",\n");

@@ -3,6 +3,7 @@
 //! Lines with heights -> terrain. A k-d tree over the line cells answers for every cell: (cells) log (line cells) in time.
 
 use super::super::task::SketchToTerrain;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::interpolation::line_cells::{LineCells, position};
@@ -16,7 +17,7 @@ use std::num::NonZero;
 pub struct Nearest;
 
 impl SketchToTerrain for Nearest {
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         LineCells::of(lines)?.fill(|line_cells, cell| line_cells.nearest(cell))
     }
 }
@@ -40,7 +41,7 @@ impl Default for InverseDistance {
 }
 
 impl SketchToTerrain for InverseDistance {
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         if !(self.power.is_finite() && self.power > 0.0) {
             return Err(Error::value(
                 "power of inverse distance",
@@ -81,8 +82,8 @@ mod tests {
             for (&(row, col), &z) in &cells {
                 lines.set(Cell::new(row, col), StrokeKind::Valley, z);
             }
-            let nearest = Nearest.generate(&lines, Seed(1)).unwrap();
-            let weighted = InverseDistance::default().generate(&lines, Seed(1)).unwrap();
+            let nearest = Nearest.generate(&lines, Seed(1), &Stop::new()).unwrap();
+            let weighted = InverseDistance::default().generate(&lines, Seed(1), &Stop::new()).unwrap();
             for (cell, got) in nearest.cells() {
                 let mut all: Vec<(usize, f32)> = cells
                     .iter()
@@ -107,7 +108,9 @@ mod tests {
         lines.set(Cell::new(1, 1), StrokeKind::Ridge, 1.0);
         for power in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             let system = InverseDistance { power, ..InverseDistance::default() };
-            assert!(system.generate(&lines, Seed(1)).unwrap_err().to_string().contains("power"));
+            assert!(
+                system.generate(&lines, Seed(1), &Stop::new()).unwrap_err().to_string().contains("power")
+            );
         }
     }
 }

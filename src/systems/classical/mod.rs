@@ -28,6 +28,7 @@ pub fn all() -> Vec<(&'static str, Arc<dyn SketchToTerrain>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Stop;
     use crate::grid::Cell;
     use crate::seed::Seed;
     use crate::sketch::{LineMap, StrokeKind};
@@ -57,7 +58,7 @@ mod tests {
         ];
         for (name, system) in all() {
             for sketch in &sketches {
-                let got = system.generate(sketch, Seed(1)).unwrap();
+                let got = system.generate(sketch, Seed(1), &Stop::new()).unwrap();
                 assert_eq!(got.shape(), sketch.shape(), "{name}");
                 for (cell, z) in got.cells() {
                     assert!(z.is_finite(), "{name} {cell:?}");
@@ -66,7 +67,8 @@ mod tests {
                     }
                 }
             }
-            let message = system.generate(&LineMap::empty(4, 4), Seed(1)).unwrap_err().to_string();
+            let message =
+                system.generate(&LineMap::empty(4, 4), Seed(1), &Stop::new()).unwrap_err().to_string();
             assert!(message.contains("line cells is 0"), "{name}: {message}");
         }
     }
@@ -78,7 +80,7 @@ mod tests {
             (0..60).map(|i| (i * 37 % 50, i * 61 % 40, (i * 29 % 17) as f32)).collect();
         let sketch = lines(50, 40, &cells);
         for (name, system) in all().into_iter().filter(|(name, _)| *name != "biharmonic") {
-            let got = system.generate(&sketch, Seed(1)).unwrap();
+            let got = system.generate(&sketch, Seed(1), &Stop::new()).unwrap();
             assert!(got.as_slice().iter().all(|&z| (-1e-4..=16.0001).contains(&z)), "{name}");
         }
     }

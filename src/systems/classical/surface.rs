@@ -1,6 +1,7 @@
 //! The interpolating surfaces: [`interpolation`](crate::interpolation) as systems.
 
 use super::super::task::SketchToTerrain;
+use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::Grid;
 use crate::interpolation::{NaturalNeighbours, biharmonic, delaunay_linear, harmonic};
@@ -24,27 +25,27 @@ pub struct DelaunayLinear;
 pub struct NaturalNeighbour;
 
 impl SketchToTerrain for Laplace {
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         require_lines(lines)?;
         Ok(harmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?.map(|&z| z as f32))
     }
 }
 
 impl SketchToTerrain for Biharmonic {
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         require_lines(lines)?;
         Ok(biharmonic(&lines.mask(), &lines.heights().map(|&z| f64::from(z)))?.map(|&z| z as f32))
     }
 }
 
 impl SketchToTerrain for DelaunayLinear {
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         delaunay_linear(lines)
     }
 }
 
 impl SketchToTerrain for NaturalNeighbour {
-    fn generate(&self, lines: &LineMap, _seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         let heights = lines.heights().cells().filter(|(cell, _)| lines.kinds()[*cell].is_some());
         let heights: Vec<f64> = heights.map(|(_, &z)| f64::from(z)).collect();
         Ok(NaturalNeighbours::new(&lines.mask())?.interpolate(&heights).map(|&z| z as f32))

@@ -15,14 +15,21 @@ mod synthesis;
 #[cfg(test)]
 mod tests;
 
+use crate::arrays::Arrays;
+use crate::checked::{Checked, Settings};
+use crate::control::{Control, Progress, Stage, Stop};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid, gaussian};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
-use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, combined, gain_of, gap};
+use crate::systems::task::{
+    Account, DetailModel, DetailUse, Exemplar, Part, Residual, SampleUse, combined, gain_of, gap,
+};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::time::Instant;
 use synthesis::{Asked, Pair};
 
@@ -41,8 +48,6 @@ const LARGE_FORMS: f64 = 1.25;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PatchInfo {
-    /// Always `patches`: what tells this description from that of trained detail.
-    pub model: PatchModel,
     /// Rows of the exemplar.
     pub rows: usize,
     /// Columns of the exemplar.
@@ -51,13 +56,15 @@ pub struct PatchInfo {
     pub record: PatchRecord,
 }
 
-/// The name of this kind of detail.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum PatchModel {
-    /// Detail from the exemplar's patches.
-    #[default]
-    Patches,
+/// What can be set: nothing.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchConfig {}
+
+impl Settings for PatchConfig {
+    fn validate(&self) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// What was measured when an exemplar was taken.
@@ -146,7 +153,7 @@ impl PatchDetail {
     ///
     /// # Errors
     /// When shapes differ or the exemplar is too narrow.
-    pub fn calibrate(&mut self, coarse: &Grid<f32>, lines: &LineMap, seed: Seed) -> Result<()> {
+    pub fn calibrate(&mut self, coarse: &Grid<f32>, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<()> {
         let started = Instant::now();
         let how = DetailUse::default();
         let (rows, cols) = self.shape();
@@ -159,7 +166,7 @@ impl PatchDetail {
                 marks: part(&self.marks)?,
                 ..self.clone()
             };
-            half.residual(coarse, Some(lines), self.gap, &how, seed)
+            half.residual(coarse, Some(lines), self.gap, &how, seed, stop)
         };
         let (west, east) = (from(0, middle)?, from(middle, cols - middle)?);
         if let (Some(west), Some(mut crossed)) = (west, east) {
@@ -178,7 +185,7 @@ impl PatchDetail {
     #[must_use]
     pub fn parts(&self) -> (PatchInfo, Vec<(String, Vec<f32>)>) {
         let (rows, cols) = self.shape();
-        let info = PatchInfo { model: PatchModel::Patches, rows, cols, record: self.record };
+        let info = PatchInfo { rows, cols, record: self.record };
         let tensors = [("truth", &self.truth), ("twin", &self.twin), ("marks", &self.marks)];
         (info, tensors.map(|(name, map)| (name.to_owned(), map.as_slice().to_vec())).into())
     }
@@ -214,6 +221,7 @@ impl DetailModel for PatchDetail {
         size: f64,
         how: &DetailUse,
         seed: Seed,
+        stop: &Stop,
     ) -> Result<Option<Residual>> {
         let dense = lines.filter(|_| size <= AS_DENSE * self.gap).map(marks);
         let smooth = |map: &Grid<f32>| {
@@ -232,7 +240,7 @@ impl DetailModel for PatchDetail {
             match_relief: how.match_relief,
             left_out: f64::from(how.noise / (1.0 + how.noise)),
         };
-        let Some(found) = synthesis::residual(&asked, &pair, seed)? else { return Ok(None) };
+        let Some(found) = synthesis::residual(&asked, &pair, seed, stop)? else { return Ok(None) };
         let widest = heights.rows().min(heights.cols()) as f64 / 8.0;
         let large = gaussian::smooth(&found, &found.map(|_| true), (LARGE_FORMS * size).min(widest));
         Ok(Some(Residual { smooth: smooth(heights), added: combined(&found, 1.0, &large, -1.0) }))
@@ -243,10 +251,50 @@ impl DetailModel for PatchDetail {
     }
 
     /// The paper's random generation; at most 2^25 cells.
-    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>> {
+    fn sample(&self, what: &SampleUse, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         what.validate()?;
         synthesis::check_cells((what.rows, what.cols))?;
-        Ok(sample::sample(&self.truth, what, seed))
+        sample::sample(&self.truth, what, seed, stop)
+    }
+}
+
+impl Part for PatchDetail {
+    const NAME: &'static str = "patches";
+    type Config = PatchConfig;
+    type Description = PatchInfo;
+
+    /// Takes the exemplar's patches. The strength is the one that suits terrain which the coarse system has not seen, or else the
+    /// natural-neighbour surface.
+    fn learn(exemplar: &Exemplar, _: &Checked<PatchConfig>, control: Control<'_>) -> Result<Self> {
+        let (surface, lines) = exemplar.twins(1)?.swap_remove(0);
+        let mut detail = Self::new(exemplar.filled()?, surface.clone(), &lines)?;
+        let coarse = exemplar.unseen.as_ref().unwrap_or(&surface);
+        detail.calibrate(coarse, &lines, exemplar.seed.derive("detail"), &control.stop)?;
+        let (stage, seconds) = (Stage::Detail(Self::NAME), detail.record.seconds);
+        (control.progress)(&Progress { stage, step: 1, steps: 1, share: 1.0, seconds, figures: &[] });
+        Ok(detail)
+    }
+
+    fn config(&self) -> &PatchConfig {
+        &PatchConfig {}
+    }
+
+    fn account(&self) -> Account {
+        let (r, (rows, cols)) = (&self.record, self.shape());
+        let text =
+            format!("patches of {rows}x{cols} cells, strength {:.2} found in {:.1} s", r.gain, r.seconds);
+        Account { text, seconds: r.seconds, figures: vec![("strength", r.gain.into())] }
+    }
+
+    fn save(&self) -> Result<(PatchInfo, Arrays)> {
+        let (info, maps) = self.parts();
+        let mut arrays = Arrays::default();
+        maps.iter().for_each(|(name, values)| arrays.put_f32(name, &[values.len()], values));
+        Ok((info, arrays))
+    }
+
+    fn load(info: PatchInfo, arrays: &mut Arrays, _: Option<&Arc<Dem>>) -> Result<Self> {
+        Self::from_parts(&info, |name| arrays.take_f32(name))
     }
 }
 

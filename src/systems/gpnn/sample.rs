@@ -5,6 +5,8 @@
 
 use super::patches::{Layers, Waves};
 use super::synthesis::{Exemplars, at, first_scale, kept, shape_at, voted};
+use crate::control::Stop;
+use crate::error::Result;
 use crate::grid::Grid;
 use crate::grid::resample::resample;
 use crate::metrics::mean_square_slope;
@@ -23,13 +25,16 @@ const STRONGEST: f32 = 3.0;
 const LEFT_OUT: f64 = 0.5;
 
 /// Terrain of the kind of `truth`, in its unit.
-pub(super) fn sample(truth: &Grid<f32>, what: &SampleUse, seed: Seed) -> Grid<f32> {
+///
+/// # Errors
+/// When the work is stopped.
+pub(super) fn sample(truth: &Grid<f32>, what: &SampleUse, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
     let (rows, cols) = (what.rows, what.cols);
     let shortest = [truth.rows() / 2, truth.cols() / 2, rows, cols].into_iter().min().unwrap_or(0);
     let start = first_scale(f64::INFINITY, shortest);
     let waves = Waves::new();
     let draw = |map: &Layers, exemplars: &Exemplars, left_out: f64, slope: f32, seed: Seed| {
-        voted(map, exemplars, &kept(exemplars, left_out, seed), &waves, slope)
+        voted(map, exemplars, &kept(exemplars, left_out, seed), &waves, slope, stop)
     };
     let slope = |map: &Grid<f32>| mean_square_slope(map).sqrt() as f32;
 
@@ -43,7 +48,7 @@ pub(super) fn sample(truth: &Grid<f32>, what: &SampleUse, seed: Seed) -> Grid<f3
     for round in 0..ROUNDS {
         let left_out = LEFT_OUT * f64::from(what.variety);
         let drawn =
-            draw(&both(map), &exemplars, left_out, slope(&level), seed.derive_indexed("round", round));
+            draw(&both(map), &exemplars, left_out, slope(&level), seed.derive_indexed("round", round))?;
         map = as_strong(drawn, &level);
     }
     let mut map = map.map(|z| z + mean);
@@ -55,10 +60,10 @@ pub(super) fn sample(truth: &Grid<f32>, what: &SampleUse, seed: Seed) -> Grid<f3
             Exemplars::of(&Layers { ground: smooth.clone(), residual: None, marks: None }, &value);
         let (r, c) = shape_at((rows, cols), scale);
         let layers = Layers { ground: resample(&map, r, c), residual: None, marks: None };
-        let added = draw(&layers, &exemplars, LEFT_OUT, slope(&smooth), seed.derive_indexed("scale", scale));
+        let added = draw(&layers, &exemplars, LEFT_OUT, slope(&smooth), seed.derive_indexed("scale", scale))?;
         map = combined(&layers.ground, 1.0, &as_strong(added, &value), 1.0);
     }
-    map
+    Ok(map)
 }
 
 /// `map` with the standard deviation of `like`: overlapping patches that disagree have averaged forms away.

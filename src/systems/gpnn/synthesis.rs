@@ -3,6 +3,7 @@
 use super::clusters::Clusters;
 use super::patches::{Layers, SIDE, Units, Waves, as_keys};
 use super::search::least;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
@@ -85,8 +86,8 @@ pub(super) fn first_scale(size: f64, shortest: usize) -> usize {
 /// level or tiny maps.
 ///
 /// # Errors
-/// When the map is too large to be searched.
-pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed) -> Result<Option<Grid<f32>>> {
+/// When the map is too large to be searched, or the work is stopped.
+pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed, stop: &Stop) -> Result<Option<Grid<f32>>> {
     let shortest = [asked.heights.rows(), asked.heights.cols(), pair.truth.rows(), pair.truth.cols()];
     let shortest = shortest.into_iter().min().unwrap_or(0);
     if shortest < 2 * SIDE {
@@ -114,7 +115,7 @@ pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed) -> Result<Opt
         };
         let exemplars = Exemplars::new(pair, scale, scale < start, map.marks.is_some());
         let kept = kept(&exemplars, asked.left_out, seed);
-        found = Some(voted(&map, &exemplars, &kept, &waves, exemplar));
+        found = Some(voted(&map, &exemplars, &kept, &waves, exemplar, stop)?);
     }
     Ok(found.map(|found| found.map(|v| v / ratio)))
 }
@@ -175,13 +176,17 @@ pub(super) fn kept(exemplars: &Exemplars, left_out: f64, seed: Seed) -> Vec<Vec<
 }
 
 /// The map made of the exemplar's best patches; overlapping ones vote, those near their centre more.
+///
+/// # Errors
+/// When the work is stopped.
 pub(super) fn voted(
     map: &Layers,
     exemplars: &Exemplars,
     kept: &[Vec<(usize, usize)>],
     waves: &Waves,
     slope: f32,
-) -> Grid<f32> {
+    stop: &Stop,
+) -> Result<Grid<f32>> {
     let value = &exemplars.values[0];
     let power: f64 = value.as_slice().iter().map(|v| f64::from(*v).powi(2)).sum();
     let units = Units {
@@ -214,6 +219,7 @@ pub(super) fn voted(
 
     let mut votes = Votes::new(map.ground.shape());
     for band in (0..rows).step_by((BAND / cols).max(1)) {
+        stop.check()?;
         let end = rows.min(band + (BAND / cols).max(1));
         let asked: Vec<(usize, usize)> =
             (band..end).flat_map(|row| (0..cols).map(move |col| (row, col))).collect();
@@ -225,7 +231,7 @@ pub(super) fn voted(
             votes.add(*place, &exemplars.values[turn], (row, col), stretch);
         }
     }
-    votes.mean()
+    Ok(votes.mean())
 }
 
 /// Sums of weighted values and of weights.

@@ -5,6 +5,7 @@ use super::patches::{Layers, SIDE, Units, Waves, as_keys};
 use super::search::{Table, least};
 use super::synthesis::turned;
 use super::*;
+use crate::control::Stop;
 use crate::grid::Mask;
 use crate::interpolation::NaturalNeighbours;
 use rand::RngExt;
@@ -107,7 +108,8 @@ fn clusters_find_what_all_keys_have() {
 #[test]
 fn terrain_from_noise_has_the_forms_of_the_exemplar() {
     let model = model();
-    let [one, same, other] = [1, 1, 2].map(|seed| model.sample(&SampleUse::new(40, 57), Seed(seed)).unwrap());
+    let [one, same, other] =
+        [1, 1, 2].map(|seed| model.sample(&SampleUse::new(40, 57), Seed(seed), &Stop::new()).unwrap());
     assert_eq!((one.shape(), &one), ((40, 57), &same));
     assert_ne!(one, other);
     let slope = |map: &Grid<f32>| mean_square_slope(map).sqrt();
@@ -116,8 +118,14 @@ fn terrain_from_noise_has_the_forms_of_the_exemplar() {
         assert!((0.7..1.4).contains(&ratio), "{ratio}");
         assert!(map.as_slice().iter().all(|z| (-0.5..1.5).contains(z)));
     }
-    assert!(model.sample(&SampleUse::new(15, 40), Seed(1)).is_err());
-    assert!(model.sample(&SampleUse::new(6000, 6000), Seed(1)).unwrap_err().to_string().contains("at most"));
+    assert!(model.sample(&SampleUse::new(15, 40), Seed(1), &Stop::new()).is_err());
+    assert!(
+        model
+            .sample(&SampleUse::new(6000, 6000), Seed(1), &Stop::new())
+            .unwrap_err()
+            .to_string()
+            .contains("at most")
+    );
 }
 
 /// The less variety, the nearer to the exemplar; without any, the coarsest patches are its own.
@@ -126,7 +134,7 @@ fn variety_says_how_much_of_the_layout_is_new() {
     let model = model();
     let (rows, cols) = model.truth.shape();
     let error = |variety: f32| {
-        let map = model.sample(&SampleUse { rows, cols, variety }, Seed(3)).unwrap();
+        let map = model.sample(&SampleUse { rows, cols, variety }, Seed(3), &Stop::new()).unwrap();
         let pairs = map.as_slice().iter().zip(model.truth.as_slice());
         pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
     };
@@ -177,11 +185,11 @@ fn the_eight_symmetries_are_all_there() {
 fn the_exemplar_gets_its_own_detail_back() {
     let model = model();
     let lines = lines(&model.truth);
-    let rebuilt = model.add(&model.twin, Some(&lines), None, &still(), Seed(1)).unwrap();
+    let rebuilt = model.add(&model.twin, Some(&lines), None, &still(), Seed(1), &Stop::new()).unwrap();
     let (after, before) = (miss(&rebuilt, &model.truth), miss(&model.twin, &model.truth));
     assert!(after < 0.35 * before, "{after} {before}");
     let bare = DetailUse { strength: 0.0, ..still() };
-    assert_eq!(model.add(&model.twin, Some(&lines), None, &bare, Seed(1)).unwrap(), model.twin);
+    assert_eq!(model.add(&model.twin, Some(&lines), None, &bare, Seed(1), &Stop::new()).unwrap(), model.twin);
 }
 
 #[test]
@@ -191,7 +199,8 @@ fn lines_are_exact_and_a_mask_keeps_what_it_hides() {
     let lines = lines(&map);
     let coarse = surface(&lines);
     let mask = Mask::from_fn(36, 44, |c| c.col >= 20);
-    let detailed = model.add(&coarse, Some(&lines), Some(&mask), &DetailUse::default(), Seed(1)).unwrap();
+    let detailed =
+        model.add(&coarse, Some(&lines), Some(&mask), &DetailUse::default(), Seed(1), &Stop::new()).unwrap();
     let mut changed = 0;
     for (cell, z) in detailed.cells() {
         if lines.kinds()[cell].is_some() && mask[cell] {
@@ -212,7 +221,9 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
         let coarse = lines.as_ref().map_or_else(|| map.clone(), surface);
         let run = |threads: usize, seed: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let add = || model().add(&coarse, lines.as_ref(), None, &DetailUse::default(), Seed(seed));
+            let add = || {
+                model().add(&coarse, lines.as_ref(), None, &DetailUse::default(), Seed(seed), &Stop::new())
+            };
             pool.install(|| add().unwrap())
         };
         let one = run(1, 1);
@@ -224,10 +235,10 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
 #[test]
 fn elevation_and_unit_do_not_matter() {
     let map = Grid::from_fn(33, 40, |c| (c.row as f32 * 0.2).sin() + (c.col as f32 * 0.15).cos());
-    let one = model().add(&map, None, None, &still(), Seed(1)).unwrap();
+    let one = model().add(&map, None, None, &still(), Seed(1), &Stop::new()).unwrap();
     assert!(miss(&one, &map) > 1e-3);
     let moved = map.map(|z| 64.0 * z + 1024.0);
-    let other = model().add(&moved, None, None, &still(), Seed(1)).unwrap();
+    let other = model().add(&moved, None, None, &still(), Seed(1), &Stop::new()).unwrap();
     for (a, b) in one.as_slice().iter().zip(other.as_slice()) {
         assert!((64.0 * a + 1024.0 - b).abs() < 0.5, "{a} {b}");
     }
@@ -238,7 +249,7 @@ fn calibration_is_on_what_the_exemplar_does_not_know() {
     let mut model = model().clone();
     let lines = lines(&model.truth);
     let twin = model.twin.clone();
-    model.calibrate(&twin, &lines, Seed(1)).unwrap();
+    model.calibrate(&twin, &lines, Seed(1), &Stop::new()).unwrap();
     let gain = model.record().gain;
     assert!(gain > 0.3 && gain < 3.0, "{gain}");
     assert_eq!(model.gain(), gain);
@@ -262,9 +273,9 @@ fn bad_input_is_named() {
     let flat = Grid::filled(40, 40, 0.5);
     assert!(message(PatchDetail::new(flat.clone(), flat.clone(), &few)).contains("level"));
     let large = Grid::filled(6000, 6000, 0.0);
-    let message = model().add(&large, None, None, &still(), Seed(1)).unwrap_err().to_string();
+    let message = model().add(&large, None, None, &still(), Seed(1), &Stop::new()).unwrap_err().to_string();
     assert!(message.contains("36000000") && message.contains("at most"), "{message}");
-    assert_eq!(model().add(&flat, None, None, &DetailUse::default(), Seed(1)).unwrap(), flat);
+    assert_eq!(model().add(&flat, None, None, &DetailUse::default(), Seed(1), &Stop::new()).unwrap(), flat);
     let tiny = Grid::from_fn(9, 9, |c| c.row as f32);
-    assert_eq!(model().add(&tiny, None, None, &DetailUse::default(), Seed(1)).unwrap(), tiny);
+    assert_eq!(model().add(&tiny, None, None, &DetailUse::default(), Seed(1), &Stop::new()).unwrap(), tiny);
 }

@@ -4,6 +4,9 @@ use crate::error::{Error, Result};
 use crate::sketch::PartLengths;
 use serde::{Deserialize, Serialize};
 
+/// The system's name in files and on the command line.
+pub(super) const NAME: &str = "gnn";
+
 /// The two named configurations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -8,6 +8,7 @@ use super::losses::smooth;
 use super::network::Network;
 use super::train::{LineFrame, Prepared, SMOOTH_PAIRS};
 use super::trust::{Evidence, without_each_fold};
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::interpolation::{Correction, CorrectionKind};
@@ -68,6 +69,14 @@ impl Default for GenerationConfig {
             blend: BlendUse::Always,
             correction: Some(CorrectionKind::NaturalNeighbour),
         }
+    }
+}
+
+impl GenerationConfig {
+    /// For drawings, whose strokes are no evidence of the terrain between them.
+    pub(super) fn for_drawings(&self) -> Self {
+        let blend = if self.blend == BlendUse::Always { BlendUse::Dense } else { self.blend };
+        Self { folds: 0, blend, ..self.clone() }
     }
 }
 
@@ -316,7 +325,7 @@ pub struct RegionGnnSystem {
 }
 
 impl SketchToTerrain for RegionGnnSystem {
-    fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
+    fn generate(&self, lines: &LineMap, seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
         self.model.generate(lines, &self.generation, seed)
     }
 }

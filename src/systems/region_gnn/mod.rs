@@ -1,6 +1,6 @@
 //! Liu & Benes 2025: a graph neural network that learns one piece of terrain from its ridges and valleys.
 //!
-//! [`Exemplar`] -> [`train`] -> [`RegionGnn`] -> terrain for any lines. What departs from the paper, and why, is in
+//! [`DrawnExemplar`] -> [`train`] -> [`RegionGnn`] -> terrain for any lines; [`RegionNetwork`] is all of it as a part of a style. What departs from the paper, and why, is in
 //! `docs/papers/region_gnn.md`.
 
 pub mod blend;
@@ -19,11 +19,10 @@ mod network;
 mod network_tests;
 mod plain;
 mod region;
-pub mod style;
+mod system;
 mod train;
 mod trust;
 
-pub use crate::learn::Checkpoints;
 pub use blend::BlendUse;
 pub use config::{Preset, RegionGnnConfig};
 pub use edges::PassEdges;
@@ -31,5 +30,5 @@ pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, nee
 pub use graph::{Anchor, RegionGraph};
 pub use network::{Network, Output};
 pub use region::{Projection, Region, RegionId};
-pub use style::{Source, Style, StyleConfig, StyleInfo};
-pub use train::{Control, EpochReport, Exemplar, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};
+pub use system::{NetworkDescription, RegionNetwork, RegionNetworkConfig, TrainingSummary};
+pub use train::{DrawnExemplar, EpochReport, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};

@@ -4,17 +4,18 @@
 //! losses, and reports. Cost: a forward and a backward pass an epoch, linear in pixels.
 
 use super::checkpoint::{self, Progress};
-use super::config::{Base, HeightFrame, LossWeights, RegionGnnConfig};
+use super::config::{Base, HeightFrame, LossWeights, NAME, RegionGnnConfig};
 use super::correction_op::LineCorrection;
 use super::edges::{PassEdges, Spare};
 use super::graph::RegionGraph;
 use super::losses::{SsimLoss, Target, further, ground_truth, sketch_order, slope, smooth};
 use super::network::{Network, Output};
+use crate::control::{Control, Progress as Told, Stage};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::{Grid, Mask};
 use crate::interpolation::harmonic;
-use crate::learn::{Adam, Checkpoints, Schedule, in_pool};
+use crate::learn::{Adam, Schedule, in_pool};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};
@@ -22,7 +23,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// l_further looks at pixels farther from any line than this, in cells (`docs/papers/region_gnn.md`).
 const FAR: f32 = 6.0;
@@ -39,7 +40,7 @@ pub const SMALLEST_EXEMPLAR: usize = 32;
 
 /// What the model learns from: one piece of terrain and the lines found on it.
 #[derive(Clone, Debug)]
-pub struct Exemplar {
+pub struct DrawnExemplar {
     /// (rows, cols) heights in the unit interval.
     pub heights: Grid<f32>,
     /// False at voids.
@@ -48,7 +49,7 @@ pub struct Exemplar {
     pub lines: Vec<LineMap>,
 }
 
-impl Exemplar {
+impl DrawnExemplar {
     /// What the losses compare with, voids filled.
     fn target(&self) -> Target {
         let (rows, cols) = self.heights.shape();
@@ -165,24 +166,6 @@ impl Prepared {
     }
 }
 
-/// How a training is watched, bounded and kept.
-pub struct Control<'a> {
-    /// Called after every epoch.
-    pub progress: &'a mut dyn FnMut(&EpochReport),
-    /// Seconds for the whole training, preparation included: the schedule follows the clock and `epochs` of the
-    /// configuration is not looked at. How many epochs fit depends on the machine; the record says how many there were.
-    pub budget: Option<Duration>,
-    /// Where the state is kept meanwhile.
-    pub checkpoints: Option<Checkpoints>,
-}
-
-impl<'a> Control<'a> {
-    /// No budget and no checkpoints.
-    pub fn new(progress: &'a mut dyn FnMut(&EpochReport)) -> Self {
-        Self { progress, budget: None, checkpoints: None }
-    }
-}
-
 /// Trains a network on an exemplar; returns it with the parts of its first extraction and a record.
 ///
 /// An interrupted training that is resumed ends with the same weights as one that was not, unless a budget ties the
@@ -192,7 +175,7 @@ impl<'a> Control<'a> {
 /// When the exemplar is too small, has no lines, the training diverges, or a checkpoint cannot be written or does not belong
 /// to this training. After a divergence the last checkpoint is still there.
 pub fn train(
-    exemplar: &Exemplar,
+    exemplar: &DrawnExemplar,
     config: &RegionGnnConfig,
     seed: Seed,
     control: Control<'_>,
@@ -284,7 +267,14 @@ pub fn train(
             seconds: elapsed(),
         };
         progress.count(report, weights[choice] * losses.weighted(&config.losses));
-        (control.progress)(&report);
+        (control.progress)(&Told {
+            stage: Stage::Coarse(NAME),
+            step: report.epoch,
+            steps: report.epochs,
+            share: phase.unwrap_or(report.epoch as f64 / report.epochs as f64).min(1.0),
+            seconds: report.seconds,
+            figures: &[("SSIM", 1.0 - losses.ssim), ("l_gt", losses.ground_truth)],
+        });
         last = Some(report);
     }
     // The last step, after which no loss was taken.
@@ -326,7 +316,7 @@ fn sample_weights<'a>(graphs: impl Iterator<Item = &'a RegionGraph>, target: &Ta
 
 /// The extractions of an exemplar as graphs, with their corrections where the losses go through them.
 fn prepare(
-    exemplar: &Exemplar,
+    exemplar: &DrawnExemplar,
     config: &RegionGnnConfig,
     seed: Seed,
 ) -> Result<Vec<(Prepared, Option<LineCorrection>)>> {
@@ -345,7 +335,7 @@ fn prepare(
 }
 
 /// SHA-256 of all that decides a training, but how long and how fast it learns.
-fn identity(exemplar: &Exemplar, config: &RegionGnnConfig, seed: Seed) -> String {
+fn identity(exemplar: &DrawnExemplar, config: &RegionGnnConfig, seed: Seed) -> String {
     let (epochs, learning_rate, patience) = (1, 1.0, 0);
     let config = RegionGnnConfig { epochs, learning_rate, patience, ..config.clone() };
     let mut hasher = Sha256::new();
@@ -473,19 +463,19 @@ mod tests {
     use crate::extract::{ExtractionConfig, ridges_and_valleys};
 
     /// A wavy square with a void in it, and what the void is filled with in memory.
-    fn exemplar(side: usize, filling: f32) -> Exemplar {
+    fn exemplar(side: usize, filling: f32) -> DrawnExemplar {
         let wavy = |row: f32, col: f32| 0.5 + 0.3 * (0.35 * row).sin() * (0.2 * col + 0.1 * row).cos();
         let valid = Grid::from_fn(side, side, |c| !(14..26).contains(&c.row) || !(10..24).contains(&c.col));
         let heights = Grid::from_fn(side, side, |c| wavy(c.row as f32, c.col as f32));
         let config = ExtractionConfig { min_accumulation: 8, min_order: 1, ..Default::default() };
         let lines = vec![ridges_and_valleys(&heights, &valid, &config).unwrap()];
         let heights = Grid::from_fn(side, side, |c| if valid[c] { heights[c] } else { filling });
-        Exemplar { heights, valid, lines }
+        DrawnExemplar { heights, valid, lines }
     }
 
     /// All six losses of a network's output, and their gradient by that output and by the far height.
     fn losses_of(
-        exemplar: &Exemplar,
+        exemplar: &DrawnExemplar,
         config: &RegionGnnConfig,
         at_voids: f32,
     ) -> (LossValues, Vec<f32>, f32) {

@@ -1,8 +1,12 @@
 //! Every setting of the detail model's training; [`DetailConfig::default`] is ours, [`DetailConfig::paper`] the published one.
 
 pub use super::network::Start;
+use crate::checked::Settings;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
+
+/// The system's name in files and on the command line.
+pub(super) const NAME: &str = "generators";
 
 /// What the networks are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -123,43 +127,6 @@ impl DetailConfig {
         }
     }
 
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field that is out of range.
-    pub fn validate(&self) -> Result<()> {
-        let count = |name: &str, value: usize, low: usize, high: usize| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(Error::value(format!("detail.{name}"), value, format!("allowed: {low} to {high}")))
-        };
-        count("coarsest", self.coarsest, 16, 256)?;
-        count("steps", self.steps, 1, 1_000_000)?;
-        count("critic_steps", self.critic_steps, 1, 100)?;
-        count("generator_steps", self.generator_steps, 1, 100)?;
-        for (name, width) in [("width", self.width), ("fine_width", self.fine_width)] {
-            if width != 32 && width != 64 {
-                return Err(Error::value(format!("detail.{name}"), width, "allowed: 32, 64"));
-            }
-        }
-        let number = |name: &str, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(Error::value(format!("detail.{name}"), value, format!("allowed: {low} to {high}")))
-        };
-        number("factor", self.factor, 0.3, 0.9)?;
-        number("injected", f64::from(self.injected), 0.0, 1.0)?;
-        number("paired", f64::from(self.paired), 0.0, 1.0)?;
-        number("learning_rate", f64::from(self.learning_rate), 1e-7, 1.0)?;
-        number("momentum", f64::from(self.momentum), 0.0, 0.999)?;
-        number("penalty", f64::from(self.penalty), 0.0, 1e6)?;
-        number("reconstruction", f64::from(self.reconstruction), 0.0, 1e6)?;
-        number("gradient", f64::from(self.gradient), 0.0, 1e6)?;
-        number("noise", f64::from(self.noise), 0.0, 1e3)
-    }
-
     /// Learning rate after a share of a scale's training.
     pub(super) fn rate(&self, share: f32) -> f32 {
         self.learning_rate
@@ -201,6 +168,41 @@ impl DetailConfig {
 pub(super) fn shrunk((rows, cols): (usize, usize), factor: f64) -> (usize, usize) {
     let side = |n: usize| ((n as f64 * factor - 1e-6).ceil() as usize).max(1);
     (side(rows), side(cols))
+}
+
+impl Settings for DetailConfig {
+    fn validate(&self) -> Result<()> {
+        let count = |name: &str, value: usize, low: usize, high: usize| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(Error::value(format!("detail.{name}"), value, format!("allowed: {low} to {high}")))
+        };
+        count("coarsest", self.coarsest, 16, 256)?;
+        count("steps", self.steps, 1, 1_000_000)?;
+        count("critic_steps", self.critic_steps, 1, 100)?;
+        count("generator_steps", self.generator_steps, 1, 100)?;
+        for (name, width) in [("width", self.width), ("fine_width", self.fine_width)] {
+            if width != 32 && width != 64 {
+                return Err(Error::value(format!("detail.{name}"), width, "allowed: 32, 64"));
+            }
+        }
+        let number = |name: &str, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(Error::value(format!("detail.{name}"), value, format!("allowed: {low} to {high}")))
+        };
+        number("factor", self.factor, 0.3, 0.9)?;
+        number("injected", f64::from(self.injected), 0.0, 1.0)?;
+        number("paired", f64::from(self.paired), 0.0, 1.0)?;
+        number("learning_rate", f64::from(self.learning_rate), 1e-7, 1.0)?;
+        number("momentum", f64::from(self.momentum), 0.0, 0.999)?;
+        number("penalty", f64::from(self.penalty), 0.0, 1e6)?;
+        number("reconstruction", f64::from(self.reconstruction), 0.0, 1e6)?;
+        number("gradient", f64::from(self.gradient), 0.0, 1e6)?;
+        number("noise", f64::from(self.noise), 0.0, 1e3)
+    }
 }
 
 #[cfg(test)]

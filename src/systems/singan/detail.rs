@@ -1,18 +1,25 @@
 //! A trained detail model and its uses: detail for a given map, and terrain from noise.
 
-use super::config::{DetailConfig, View, shrunk};
+use super::config::{DetailConfig, NAME, View, shrunk};
 use super::network::REACH;
 use super::scale::Scale;
-use super::train::{FIXED_NOISE, noise_field};
+use super::train::{FIXED_NOISE, noise_field, train};
+use crate::arrays::Arrays;
+use crate::checked::{Checked, Settings};
+use crate::control::{Control, Stop};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, gain_of, gap};
+use crate::systems::task::{
+    Account, DetailModel, DetailUse, Exemplar, Part, Residual, SampleUse, gain_of, gap,
+};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Maps with a side shorter than this stay as they are.
 const SMALLEST_MAP: usize = 4;
@@ -36,12 +43,6 @@ impl Detail {
     #[must_use]
     pub const fn record(&self) -> &DetailRecord {
         &self.record
-    }
-
-    /// The settings of the training.
-    #[must_use]
-    pub const fn config(&self) -> &DetailConfig {
-        &self.config
     }
 
     /// (rows, columns) of the exemplar's scales, the coarsest first.
@@ -134,9 +135,17 @@ impl Detail {
     ///
     /// # Errors
     /// When there is no line, shapes differ or the exemplar is level.
-    pub fn calibrate(&mut self, twin: &Grid<f32>, lines: &LineMap, truth: &Grid<f32>) -> Result<()> {
+    pub fn calibrate(
+        &mut self,
+        twin: &Grid<f32>,
+        lines: &LineMap,
+        truth: &Grid<f32>,
+        stop: &Stop,
+    ) -> Result<()> {
         let seed = self.fixed_noise.derive("calibration");
-        if let Some(found) = self.residual(twin, Some(lines), gap(lines), &DetailUse::default(), seed)? {
+        if let Some(found) =
+            self.residual(twin, Some(lines), gap(lines), &DetailUse::default(), seed, stop)?
+        {
             self.record.gain = gain_of(&found, twin, lines, truth)?;
         }
         Ok(())
@@ -159,6 +168,7 @@ impl DetailModel for Detail {
         size: f64,
         how: &DetailUse,
         seed: Seed,
+        stop: &Stop,
     ) -> Result<Option<Residual>> {
         if self.scales.len() < 2 || heights.rows().min(heights.cols()) < SMALLEST_MAP {
             return Ok(None);
@@ -173,6 +183,7 @@ impl DetailModel for Detail {
         let mut smooth = detailed.clone();
         let mut likely = (how.likely < 1.0).then(|| detailed.clone());
         for scale in start + 1..self.scales.len() {
+            stop.check()?;
             let (r, c) = self.size_of(heights.shape(), scale);
             detailed = self.pass(scale, &resample(&detailed, r, c), how.noise, seed);
             likely = likely.map(|map| self.pass(scale, &resample(&map, r, c), 0.0, seed));
@@ -192,7 +203,7 @@ impl DetailModel for Detail {
     }
 
     /// Every scale from the coarsest on, whose noise is mixed from a fresh one and that which rebuilds the exemplar.
-    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>> {
+    fn sample(&self, what: &SampleUse, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         what.validate()?;
         let size = |scale: usize| shrunk((what.rows, what.cols), self.cell(scale).recip());
         let (first, (r, c)) = (&self.scales[0], size(0));
@@ -207,6 +218,7 @@ impl DetailModel for Detail {
         what.mix(&mut field, &layout);
         let mut map = first.apply(&Grid::filled(r, c, 0.0), Some(&field), 1.0);
         for scale in 1..self.scales.len() {
+            stop.check()?;
             let (r, c) = size(scale);
             map = self.pass(scale, &resample(&map, r, c), 1.0, seed);
         }
@@ -296,5 +308,48 @@ impl Detail {
             detail.scales.push(Scale::from_info(&info.config, i, scale, values)?);
         }
         Ok(detail)
+    }
+}
+
+impl Part for Detail {
+    const NAME: &'static str = NAME;
+    type Config = DetailConfig;
+    type Description = DetailInfo;
+
+    /// The coarse twins of the training are natural-neighbour surfaces through the exemplar's lines, in the variants that the
+    /// coarse system learns from. The strength is the one that suits terrain which that has not seen, or else the first twin.
+    fn learn(exemplar: &Exemplar, config: &Checked<DetailConfig>, control: Control<'_>) -> Result<Self> {
+        let stop = control.stop.clone();
+        let (truth, twins) = (exemplar.filled()?, exemplar.twins(exemplar.extractions)?);
+        let surfaces: Vec<Grid<f32>> = twins.iter().map(|(surface, _)| surface.clone()).collect();
+        let mut detail = train(&truth, &surfaces, config, exemplar.seed.derive("detail"), control)?;
+        let (surface, lines) = &twins[0];
+        detail.calibrate(exemplar.unseen.as_ref().unwrap_or(surface), lines, &truth, &stop)?;
+        Ok(detail)
+    }
+
+    fn config(&self) -> &DetailConfig {
+        &self.config
+    }
+
+    fn account(&self) -> Account {
+        let r = &self.record;
+        let (scales, steps) = (r.steps.len(), r.steps.iter().sum::<usize>());
+        let text = format!(
+            "{scales} scales, {steps} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
+            r.seconds, r.psnr
+        );
+        Account { text, seconds: r.seconds, figures: vec![("PSNR", r.psnr), ("strength", r.gain.into())] }
+    }
+
+    fn save(&self) -> Result<(DetailInfo, Arrays)> {
+        let (info, weights) = self.parts();
+        let mut arrays = Arrays::default();
+        weights.iter().for_each(|(name, values)| arrays.put_f32(name, &[values.len()], values));
+        Ok((info, arrays))
+    }
+
+    fn load(info: DetailInfo, arrays: &mut Arrays, _: Option<&Arc<Dem>>) -> Result<Self> {
+        Self::from_parts(info, |name| arrays.take_f32(name))
     }
 }

@@ -12,7 +12,7 @@ mod train;
 
 pub use config::DetailConfig;
 pub use detail::{Detail, DetailInfo, DetailRecord, ScaleInfo};
-pub use train::{Control, StepReport, train, train_with};
+pub use train::train;
 
 #[cfg(test)]
 mod network_tests;

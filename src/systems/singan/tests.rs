@@ -3,7 +3,9 @@
 use super::config::{Decay, View};
 use super::scale::Lens;
 use super::train::{noise_field, turned};
-use super::*;
+use super::{Detail, DetailConfig, DetailInfo};
+use crate::control::{Checkpoints, Control, Progress, Stop};
+use crate::error::Result;
 use crate::grid::{Cell, Grid, Mask};
 use crate::metrics::psnr;
 use crate::seed::Seed;
@@ -21,6 +23,17 @@ fn quick() -> DetailConfig {
     DetailConfig { coarsest: 16, steps: 12, ..DetailConfig::default() }
 }
 
+/// A training that is only watched.
+fn train(
+    heights: &Grid<f32>,
+    twins: &[Grid<f32>],
+    config: &DetailConfig,
+    seed: Seed,
+    mut progress: impl FnMut(&Progress<'_>),
+) -> Result<Detail> {
+    super::train(heights, twins, config, seed, Control::new(&mut progress))
+}
+
 /// One model for all tests that only use it.
 fn model() -> &'static Detail {
     static MODEL: OnceLock<Detail> = OnceLock::new();
@@ -35,7 +48,9 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
             pool.install(|| {
                 let config = DetailConfig { steps: 2, ..base.clone() };
                 let detail = train(&ground(24), &[ground(24)], &config, Seed(seed), |_| {}).unwrap();
-                let map = detail.add(&ground(50), None, None, &DetailUse::default(), Seed(2)).unwrap();
+                let map = detail
+                    .add(&ground(50), None, None, &DetailUse::default(), Seed(2), &Stop::new())
+                    .unwrap();
                 // The description holds the seconds of the training.
                 (detail.parts().1, map)
             })
@@ -51,10 +66,12 @@ fn training_learns_to_rebuild_the_exemplar() {
     let heights = ground(40);
     let config = DetailConfig { coarsest: 16, steps: 150, ..DetailConfig::default() };
     let mut reports = Vec::new();
-    let detail = train(&heights, &[], &config, Seed(1), |r| reports.push(*r)).unwrap();
+    let detail = train(&heights, &[], &config, Seed(1), |r| {
+        reports.push(r.figure("reconstruction").unwrap());
+    })
+    .unwrap();
     assert_eq!(reports.len(), detail.sizes().len() * 150);
-    let first = reports.iter().find(|r| r.scale == 0).unwrap().reconstruction;
-    assert!(reports[149].reconstruction < 0.5 * first, "{first} {}", reports[149].reconstruction);
+    assert!(reports[149] < 0.5 * reports[0], "{} {}", reports[0], reports[149]);
     let rebuilt = detail.reconstruct();
     let db = psnr(&rebuilt, &heights, &heights.map(|_| true), 1.0).unwrap();
     assert!(db > 28.0, "{db}");
@@ -76,7 +93,7 @@ fn tiled_equals_untiled_to_the_bit() {
 fn strength_mask_and_seed_do_what_they_say() {
     let map = ground(50);
     let add = |how: &DetailUse, mask: Option<&Mask>, seed: u64| {
-        model().add(&map, None, mask, how, Seed(seed)).unwrap()
+        model().add(&map, None, mask, how, Seed(seed), &Stop::new()).unwrap()
     };
     let how = DetailUse::default();
     // A model trained for twelve steps may find this ground rough enough: what is tested is not how much is added.
@@ -109,7 +126,8 @@ fn strength_mask_and_seed_do_what_they_say() {
 fn detail_does_not_depend_on_elevation_or_unit() {
     let map = ground(48);
     let moved = map.map(|z| 0.25 * z + 3.0);
-    let add = |map: &Grid<f32>| model().add(map, None, None, &DetailUse::default(), Seed(1)).unwrap();
+    let add =
+        |map: &Grid<f32>| model().add(map, None, None, &DetailUse::default(), Seed(1), &Stop::new()).unwrap();
     let (a, b) = (add(&map), add(&moved));
     for (a, b) in a.as_slice().iter().zip(b.as_slice()) {
         assert!((0.25 * a + 3.0 - b).abs() < 1e-4, "{a} {b}");
@@ -126,7 +144,7 @@ fn variety_says_how_much_of_the_layout_is_new() {
         let detail = train(&heights, &[], &config, Seed(1), |_| {}).unwrap();
         let error = |side: usize, variety: f32| {
             let what = SampleUse { rows: side, cols: side, variety };
-            let map = detail.sample(&what, Seed(3)).unwrap();
+            let map = detail.sample(&what, Seed(3), &Stop::new()).unwrap();
             let middle = map.crop(Cell::new((side - 40) / 2, (side - 40) / 2), 40, 40).unwrap();
             let level = |map: &Grid<f32>| map.as_slice().iter().sum::<f32>() / map.len() as f32;
             let base = level(&middle) - level(&heights);
@@ -147,7 +165,7 @@ fn parts_survive_storage_and_damage_is_named() {
     let stored: DetailInfo = serde_json::from_str(&text).unwrap();
     let find = |name: &str| Ok(weights.iter().find(|(n, _)| n == name).unwrap().1.clone());
     let again = Detail::from_parts(stored.clone(), find).unwrap();
-    let sample = |d: &Detail| d.sample(&SampleUse::new(40, 60), Seed(3)).unwrap();
+    let sample = |d: &Detail| d.sample(&SampleUse::new(40, 60), Seed(3), &Stop::new()).unwrap();
     assert_eq!(sample(&again), sample(model()));
     assert_eq!(sample(&again).shape(), (40, 60));
     assert!(
@@ -171,9 +189,10 @@ fn bad_input_and_divergence_are_named() {
     assert!(fails(&ground(24), &wild).contains("diverged"));
     let mut hole = ground(40);
     hole[Cell::new(3, 4)] = f32::NAN;
-    let message = model().add(&hole, None, None, &DetailUse::default(), Seed(1)).unwrap_err().to_string();
+    let message =
+        model().add(&hole, None, None, &DetailUse::default(), Seed(1), &Stop::new()).unwrap_err().to_string();
     assert!(message.contains("row 3, column 4"));
-    assert!(model().sample(&SampleUse::new(8, 80), Seed(1)).is_err());
+    assert!(model().sample(&SampleUse::new(8, 80), Seed(1), &Stop::new()).is_err());
     let odd = train(&ground(40), &[ground(24)], &quick(), Seed(1), |_| {}).unwrap_err().to_string();
     assert!(odd.contains("twin"));
 }
@@ -213,7 +232,7 @@ fn the_eight_symmetries_are_different_and_the_first_is_none() {
 #[test]
 fn a_resumed_training_ends_with_the_same_weights() {
     let folder = tempfile::tempdir().unwrap();
-    let checkpoints = |resume| crate::learn::Checkpoints {
+    let checkpoints = |resume| Checkpoints {
         path: folder.path().join("kept"),
         interval: std::time::Duration::ZERO,
         resume,
@@ -223,23 +242,22 @@ fn a_resumed_training_ends_with_the_same_weights() {
         let whole = train(&ground(24), &[ground(24)], &config, Seed(1), |_| {}).unwrap();
         // Stopped by a panic in the middle of the second scale.
         let stopped = std::panic::catch_unwind(|| {
-            let mut progress = |report: &StepReport| assert!(report.scale < 1 || report.step < 1, "stop");
-            let control =
-                Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints(false)) };
-            train_with(&ground(24), &[ground(24)], &config, Seed(1), control).map(|_| ())
+            let mut progress = |report: &Progress<'_>| assert!(report.step < 5, "stop");
+            let control = Control { checkpoints: Some(checkpoints(false)), ..Control::new(&mut progress) };
+            super::train(&ground(24), &[ground(24)], &config, Seed(1), control).map(|_| ())
         });
         assert!(stopped.is_err());
         let mut first = None;
-        let mut progress = |report: &StepReport| {
-            first.get_or_insert((report.scale, report.step));
+        let mut progress = |report: &Progress<'_>| {
+            first.get_or_insert(report.step);
         };
-        let control = Control { progress: &mut progress, budget: None, checkpoints: Some(checkpoints(true)) };
-        let resumed = train_with(&ground(24), &[ground(24)], &config, Seed(1), control).unwrap();
-        assert_eq!(first, Some((1, 1)));
+        let control = Control { checkpoints: Some(checkpoints(true)), ..Control::new(&mut progress) };
+        let resumed = super::train(&ground(24), &[ground(24)], &config, Seed(1), control).unwrap();
+        assert_eq!(first, Some(5));
         assert!(resumed.parts().1 == whole.parts().1);
-        let mut quiet = |_: &StepReport| {};
-        let control = Control { progress: &mut quiet, budget: None, checkpoints: Some(checkpoints(true)) };
-        let other = train_with(&ground(24), &[], &config, Seed(1), control).unwrap_err().to_string();
+        let mut quiet = |_: &Progress<'_>| {};
+        let control = Control { checkpoints: Some(checkpoints(true)), ..Control::new(&mut quiet) };
+        let other = super::train(&ground(24), &[], &config, Seed(1), control).unwrap_err().to_string();
         assert!(other.contains("another one"), "{other}");
         std::fs::remove_file(folder.path().join("kept")).unwrap();
     }
@@ -257,7 +275,7 @@ fn lines_stay_exact_and_masks_fade() {
         DetailUse::default(),
         DetailUse { keep: 0.0, likely: 1.0, calibrated: false, ..DetailUse::default() },
     ] {
-        let out = model().add(&map, Some(&lines), None, &how, Seed(1)).unwrap();
+        let out = model().add(&map, Some(&lines), None, &how, Seed(1), &Stop::new()).unwrap();
         for (cell, height) in lines.heights().cells() {
             if lines.kinds()[cell].is_some() {
                 assert_eq!(out[cell], *height);
@@ -266,7 +284,7 @@ fn lines_stay_exact_and_masks_fade() {
     }
     let wrong = crate::sketch::LineMap::empty(9, 9);
     assert!(
-        model().add(&map, Some(&wrong), None, &DetailUse::default(), Seed(1)).is_ok(),
+        model().add(&map, Some(&wrong), None, &DetailUse::default(), Seed(1), &Stop::new()).is_ok(),
         "no line, no shape"
     );
 }

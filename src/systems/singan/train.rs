@@ -6,73 +6,33 @@
 //! of threads.
 
 use super::checkpoint;
-use super::config::{DetailConfig, View};
+use super::config::{DetailConfig, NAME, View};
 use super::detail::Detail;
 use super::network::{LAYERS, Network, Shape, Tape};
 use super::optimizer::Adam;
 use super::penalty::Penalty;
 use super::scale::{Lens, Noise, Residual, Scale};
+use crate::checked::Settings;
+use crate::control::{Control, Progress, Stage};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid};
 use crate::learn::convolution::Plane;
-use crate::learn::{Checkpoints, in_pool};
+use crate::learn::in_pool;
 use crate::metrics::{mean_square_slope, psnr};
 use crate::seed::{Seed, Stream};
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// What a training step says of itself.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StepReport {
-    /// The scale, 0 the coarsest.
-    pub scale: usize,
-    /// Number of scales.
-    pub scales: usize,
-    /// Step of the scale, from 0.
-    pub step: usize,
+/// What a step of a scale was.
+struct Step {
     /// Mean of the critic's map on the exemplar minus that on the generated map.
-    pub critic: f64,
+    critic: f64,
     /// The gradient penalty, unweighted.
-    pub penalty: f64,
+    penalty: f64,
     /// Mean squared reconstruction error in the loss's unit.
-    pub reconstruction: f64,
-    /// Seconds of the training so far, those before a resumption included.
-    pub seconds: f64,
-}
-
-/// How a training is watched, bounded and kept.
-pub struct Control<'a> {
-    /// Hears of every step.
-    pub progress: &'a mut dyn FnMut(&StepReport),
-    /// Time for the whole training: every scale gets its share by the cost of its steps, its schedule follows the clock, and
-    /// `steps` of the configuration is not looked at.
-    pub budget: Option<Duration>,
-    /// Where the state is kept meanwhile.
-    pub checkpoints: Option<Checkpoints>,
-}
-
-impl<'a> Control<'a> {
-    /// No budget and no checkpoints.
-    pub fn new(progress: &'a mut dyn FnMut(&StepReport)) -> Self {
-        Self { progress, budget: None, checkpoints: None }
-    }
-}
-
-/// [`train_with`] without budget and checkpoints.
-///
-/// # Errors
-/// As there.
-pub fn train(
-    heights: &Grid<f32>,
-    twins: &[Grid<f32>],
-    config: &DetailConfig,
-    seed: Seed,
-    mut progress: impl FnMut(&StepReport),
-) -> Result<Detail> {
-    train_with(heights, twins, config, seed, Control::new(&mut progress))
+    reconstruction: f64,
 }
 
 /// Trains every scale on `heights` (0 to 1). `twins` are coarse versions of the same ground, such as a coarse model makes them
@@ -85,7 +45,7 @@ pub fn train(
 /// # Errors
 /// When a setting is out of range, the exemplar is smaller than 16 cells or level, a loss stops being finite, or a checkpoint
 /// cannot be written or does not belong to this training.
-pub fn train_with(
+pub fn train(
     heights: &Grid<f32>,
     twins: &[Grid<f32>],
     config: &DetailConfig,
@@ -152,15 +112,31 @@ pub fn train_with(
             if share >= 1.0 && (step > 0 || time.is_none()) {
                 break;
             }
-            let report = in_pool(|| room.step(step, share.min(1.0) as f32));
-            let report = StepReport { scale, scales: sizes.len(), seconds: elapsed(), ..report };
-            let finite = [report.critic, report.penalty, report.reconstruction];
-            if let Some(&value) = finite.iter().find(|v| !v.is_finite()) {
+            let done = in_pool(|| room.step(step, share.min(1.0) as f32));
+            let losses = [done.critic, done.penalty, done.reconstruction];
+            if let Some(&value) = losses.iter().find(|v| !v.is_finite()) {
                 let epoch = scale * config.steps + step;
                 return Err(Error::Diverged { epoch, what: "a loss of the detail model", value });
             }
             step += 1;
-            (control.progress)(&report);
+            let before: u64 = work[..scale].iter().sum();
+            let share = match time {
+                Some(time) => (scale_spent + scale_begun.elapsed().as_secs_f64()) / time.max(1e-9),
+                None => step as f64 / config.steps as f64,
+            };
+            (control.progress)(&Progress {
+                stage: Stage::Detail(NAME),
+                step: detail.record.steps.iter().sum::<usize>() + step,
+                steps: sizes.len() * config.steps,
+                share: (before as f64 + work[scale] as f64 * share.min(1.0)) / all_work,
+                seconds: elapsed(),
+                figures: &[
+                    ("scale", (scale + 1) as f64),
+                    ("critic", done.critic),
+                    ("penalty", done.penalty),
+                    ("reconstruction", done.reconstruction),
+                ],
+            });
             if let Some(c) = control.checkpoints.as_ref().filter(|c| saved.elapsed() >= c.interval) {
                 let progress = checkpoint::Progress {
                     identity: identity.clone(),
@@ -335,7 +311,7 @@ impl<'a> Room<'a> {
         Ok(())
     }
 
-    fn step(&mut self, step: usize, share: f32) -> StepReport {
+    fn step(&mut self, step: usize, share: f32) -> Step {
         let rate = self.config.rate(share);
         // A stream of its own for every step: an interrupted training needs no position in it.
         self.draws = self.seed.derive_indexed("training step", step).stream("draws");
@@ -353,7 +329,7 @@ impl<'a> Room<'a> {
             let made = made.unwrap_or_else(|| self.make(&up.0, Some(&up.1)));
             reconstruction = self.teach_generator(&made, rate);
         }
-        StepReport { scale: 0, scales: 0, step, critic, penalty, reconstruction, seconds: 0.0 }
+        Step { critic, penalty, reconstruction }
     }
 
     /// An enlarged coarser map to add detail to, and noise.

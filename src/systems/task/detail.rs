@@ -5,6 +5,7 @@
 
 use super::SampleUse;
 use super::calibration::best_gain;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask, distance};
 use crate::interpolation::{Correction, CorrectionKind};
@@ -90,7 +91,7 @@ pub trait DetailModel: Send + Sync {
     /// `size` cells are the model's. `lines` are those that the map passes through.
     ///
     /// # Errors
-    /// When the map is too large for the model.
+    /// When the map is too large for the model, or the work is stopped.
     fn residual(
         &self,
         heights: &Grid<f32>,
@@ -98,6 +99,7 @@ pub trait DetailModel: Send + Sync {
         size: f64,
         how: &DetailUse,
         seed: Seed,
+        stop: &Stop,
     ) -> Result<Option<Residual>>;
 
     /// The share of the residual that suits the exemplar best ([`gain_of`]).
@@ -107,15 +109,16 @@ pub trait DetailModel: Send + Sync {
     /// leave); the same for the same seed.
     ///
     /// # Errors
-    /// When a setting is out of range, or there are more cells than the model can make.
-    fn sample(&self, what: &SampleUse, seed: Seed) -> Result<Grid<f32>>;
+    /// When a setting is out of range, there are more cells than the model can make, or the work is stopped.
+    fn sample(&self, what: &SampleUse, seed: Seed, stop: &Stop) -> Result<Grid<f32>>;
 
     /// Adds detail to `heights` (the exemplar's unit interval is 0 to 1; any finite heights are allowed). With `lines`, the
     /// answer passes through them to the bit. Where `mask` is given and false the map stays as it is; inside its edge detail
     /// fades in over 4 cells.
     ///
     /// # Errors
-    /// When a setting is out of range, a height is not finite, lines or mask have another shape, or the map is too large.
+    /// When a setting is out of range, a height is not finite, lines or mask have another shape, the map is too large, or the work
+    /// is stopped.
     fn add(
         &self,
         heights: &Grid<f32>,
@@ -123,6 +126,7 @@ pub trait DetailModel: Send + Sync {
         mask: Option<&Mask>,
         how: &DetailUse,
         seed: Seed,
+        stop: &Stop,
     ) -> Result<Grid<f32>> {
         how.validate()?;
         let shape = heights.shape();
@@ -140,7 +144,7 @@ pub trait DetailModel: Send + Sync {
         }
         let correction = lines.map(|l| Correction::new(CorrectionKind::NaturalNeighbour, l)).transpose()?;
         let size = how.size.unwrap_or_else(|| lines.map_or(SIZE_WITHOUT_LINES, gap));
-        let Some(found) = self.residual(heights, lines, size, how, seed)? else {
+        let Some(found) = self.residual(heights, lines, size, how, seed, stop)? else {
             return corrected(correction.as_ref(), heights.clone());
         };
         let (ground, residual) = tied(heights, &found, correction.as_ref(), how.keep)?;

@@ -1,19 +1,34 @@
-//! The promises that systems can make, what models of detail share, and random lines around a drawing.
+//! The promises that systems make ([`Part`] is the card), what they learn from, what models of detail share, and random lines
+//! around a drawing.
 
 mod calibration;
 mod detail;
+mod exemplar;
+mod part;
 mod random_lines;
 mod sampling;
 
 pub use detail::{DetailModel, DetailUse, Residual, combined, gain_of, gap};
+pub use exemplar::{Exemplar, ExemplarInfo, Source, fingerprint};
+pub use part::{Account, Part, System, Use};
 pub use random_lines::{Ground, RandomHeights, with_random_lines};
 pub use sampling::SampleUse;
 
+use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::Grid;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use std::sync::Arc;
+
+/// How far a change of a line can be felt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// Up to so many cells.
+    Cells(usize),
+    /// Everywhere.
+    WholeMap,
+}
 
 /// Turns lines with heights into terrain.
 pub trait SketchToTerrain: Send + Sync {
@@ -22,8 +37,30 @@ pub trait SketchToTerrain: Send + Sync {
     /// Every finite answer is allowed; heights of the lines may be kept exactly or not, as the system says.
     ///
     /// # Errors
-    /// When the lines are not enough for the system (for example none at all).
-    fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>>;
+    /// When the lines are not enough for the system (for example none at all), or when it is stopped.
+    fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>>;
+
+    /// As [`generate`](Self::generate), for lines that a hand has drawn: their heights say what is wanted, and are no evidence of
+    /// what is there.
+    ///
+    /// # Errors
+    /// As there.
+    fn draw(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        self.generate(lines, seed, stop)
+    }
+
+    /// As [`generate`](Self::generate), for the exemplar's own lines: how well a system fits what it has learned.
+    ///
+    /// # Errors
+    /// As there.
+    fn rebuild(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        self.generate(lines, seed, stop)
+    }
+
+    /// How far a change of a line can be felt.
+    fn reach(&self) -> Reach {
+        Reach::WholeMap
+    }
 
     /// For a system that only finishes the terrain of another one, from the same lines and seed: who wants both makes the
     /// first one once. None for all others.
@@ -36,16 +73,16 @@ pub trait SketchToTerrain: Send + Sync {
 pub struct Finishing {
     /// Makes the terrain.
     pub start: Arc<dyn SketchToTerrain>,
-    /// The rest: (terrain, lines, seed).
+    /// The rest: (terrain, lines, seed, stop).
     pub finish: Box<FinishFn>,
 }
 
 /// The second half of a [`Finishing`] system.
-pub type FinishFn = dyn Fn(&Grid<f32>, &LineMap, Seed) -> Result<Grid<f32>> + Send + Sync;
+pub type FinishFn = dyn Fn(&Grid<f32>, &LineMap, Seed, &Stop) -> Result<Grid<f32>> + Send + Sync;
 
 impl SketchToTerrain for Finishing {
-    fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
-        (self.finish)(&self.start.generate(lines, seed)?, lines, seed)
+    fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        (self.finish)(&self.start.generate(lines, seed, stop)?, lines, seed, stop)
     }
 
     fn finishing(&self) -> Option<&Finishing> {

@@ -12,7 +12,7 @@ use plotters::prelude::{Color, IntoDrawingArea, IntoFont, RGBAColor, ShapeStyle,
 use plotters::style::FontStyle;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// Drawing units a pixel.
+/// Drawing units per pixel.
 const FINENESS: u32 = 8;
 
 /// Paper of plots. A page may replace this colour and the next three for a dark theme.

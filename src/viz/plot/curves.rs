@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plot_names_its_axes_and_curves_and_repeats_to_the_byte() {
+    fn a_plot_names_axes_and_curves_and_repeats() {
         let plot = || {
             Curves::new("Training of <alps>", "epoch")
                 .panel(Panel::new("loss").log().curve("height", curve(1.0)).curve("SSIM", curve(0.3)))

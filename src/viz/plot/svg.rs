@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::file;
+use maud::html;
 use std::path::Path;
 
 /// A drawing of `width` x `height` pixels at its natural size, with a description for those who cannot see it.
@@ -9,7 +10,7 @@ use std::path::Path;
 pub struct Svg {
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Drawing units a pixel.
+    /// Drawing units per pixel.
     pub(super) fineness: u32,
     /// The elements inside `<svg>`.
     pub(super) body: String,
@@ -59,7 +60,7 @@ impl Svg {
             self.height,
             self.width * self.fineness,
             self.height * self.fineness,
-            super::super::report::escape(&self.description),
+            html! { (self.description) }.into_string(),
             self.body,
         )
     }

@@ -1,9 +1,9 @@
 //! The report, piece by piece.
 
 use super::figure::{Drawing, Figure};
-use super::markup::escape;
 use super::table::Table;
-use crate::viz::ticks::number;
+use crate::viz::duration;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::time::Duration;
 
 /// A report in the making; [`finish`](Self::finish) gives the HTML file.
@@ -16,20 +16,20 @@ use std::time::Duration;
 ///     .figure(Picture::filled(64, 64, Rgb::hex(0x88_99_77)), "The first plain.")
 ///     .commands(["monadnock render plain.tif -o plain.png"])
 ///     .finish();
-/// assert!(page.starts_with("<!doctype html>") && !page.contains("http"));
+/// assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("http"));
 /// ```
 #[derive(Clone, Debug)]
 pub struct Report {
     title: String,
     summary: Vec<String>,
     sections: Vec<String>,
-    body: String,
+    body: Vec<Markup>,
 }
 
 impl Report {
     /// An empty report.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), summary: Vec::new(), sections: Vec::new(), body: String::new() }
+        Self { title: title.into(), summary: Vec::new(), sections: Vec::new(), body: Vec::new() }
     }
 
     /// A line under the title.
@@ -44,20 +44,20 @@ impl Report {
     pub fn section(mut self, heading: impl Into<String>) -> Self {
         let heading = heading.into();
         self.sections.push(heading.clone());
-        let number = self.sections.len();
-        self.push(format!("<h2 id=\"s{number}\">{}</h2>\n", escape(&heading)))
+        let id = format!("s{}", self.sections.len());
+        self.push(html! { h2 id=(id) { (heading) } })
     }
 
     /// Starts a part of a section.
     #[must_use]
     pub fn subsection(self, heading: impl AsRef<str>) -> Self {
-        self.push(format!("<h3>{}</h3>\n", escape(heading.as_ref())))
+        self.push(html! { h3 { (heading.as_ref()) } })
     }
 
     /// A paragraph of plain text.
     #[must_use]
     pub fn paragraph(self, text: impl AsRef<str>) -> Self {
-        self.push(format!("<p>{}</p>\n", escape(text.as_ref())))
+        self.push(html! { p { (text.as_ref()) } })
     }
 
     /// A picture or plot with a caption.
@@ -69,9 +69,9 @@ impl Report {
     /// Figures beside each other, as far as the page is wide enough.
     #[must_use]
     pub fn figures(self, figures: impl IntoIterator<Item = Figure>) -> Self {
-        let figures: Vec<String> = figures.into_iter().map(|figure| figure.html()).collect();
+        let figures: Vec<Figure> = figures.into_iter().collect();
         let class = if figures.len() > 1 { "figures several" } else { "figures" };
-        self.push(format!("<div class=\"{class}\">\n{}</div>\n", figures.concat()))
+        self.push(html! { div class=(class) { @for figure in &figures { (figure.html()) } } })
     }
 
     /// A table.
@@ -81,20 +81,24 @@ impl Report {
         self.push(html)
     }
 
-    /// The commands that made what stands above, one a line.
+    /// The commands that made what stands above, one per line.
     #[must_use]
     pub fn commands<T: AsRef<str>>(self, commands: impl IntoIterator<Item = T>) -> Self {
-        let lines: Vec<String> = commands
-            .into_iter()
-            .map(|c| format!("<span class=\"command\">{}</span>", escape(c.as_ref())))
-            .collect();
-        self.push(format!("<pre><code>{}</code></pre>\n", lines.join("\n")))
+        let commands: Vec<T> = commands.into_iter().collect();
+        self.push(html! {
+            pre { code {
+                @for (i, command) in commands.iter().enumerate() {
+                    @if i > 0 { "\n" }
+                    span.command { (command.as_ref()) }
+                }
+            } }
+        })
     }
 
     /// Text that keeps its lines and spaces, such as a configuration.
     #[must_use]
     pub fn listing(self, text: impl AsRef<str>) -> Self {
-        self.push(format!("<pre><code>{}</code></pre>\n", escape(text.as_ref().trim_end())))
+        self.push(html! { pre { code { (text.as_ref().trim_end()) } } })
     }
 
     /// How long each step took, with the sum and a bar for its share.
@@ -102,85 +106,80 @@ impl Report {
     pub fn time_spent<T: AsRef<str>>(self, steps: impl IntoIterator<Item = (T, Duration)>) -> Self {
         let steps: Vec<(T, Duration)> = steps.into_iter().collect();
         let total: Duration = steps.iter().map(|(_, time)| *time).sum();
-        let mut html = String::from(
-            "<div class=\"scroll\"><table class=\"times\"><thead><tr><th scope=\"col\">Step</th>\
-             <th scope=\"col\" class=\"number\">Time</th><th scope=\"col\">Share</th></tr></thead>\n<tbody>\n",
-        );
-        for (step, time) in &steps {
-            let share = if total.is_zero() { 0.0 } else { 100.0 * time.as_secs_f64() / total.as_secs_f64() };
-            html += &format!(
-                "<tr><td>{}</td><td class=\"number\">{}</td><td class=\"share\"><span style=\"width:{share:.1}%\">\
-                 </span>{share:.0} %</td></tr>\n",
-                escape(step.as_ref()),
-                readable(*time),
-            );
-        }
-        html += &format!(
-            "<tr class=\"total\"><td>Together</td><td class=\"number\">{}</td><td></td></tr>\n\
-             </tbody></table></div>\n",
-            readable(total),
-        );
-        self.push(html)
+        let percent = |time: Duration| {
+            if total.is_zero() { 0.0 } else { 100.0 * time.as_secs_f64() / total.as_secs_f64() }
+        };
+        self.push(html! {
+            div.scroll {
+                table.times {
+                    thead { tr { th scope="col" { "Step" } th.number scope="col" { "Time" } th scope="col" { "Share" } } }
+                    tbody {
+                        @for (step, time) in &steps {
+                            @let share = percent(*time);
+                            tr {
+                                td { (step.as_ref()) }
+                                td.number { (duration(*time)) }
+                                td.share { span style=(format!("width:{share:.1}%")) {} (format!("{share:.0} %")) }
+                            }
+                        }
+                        tr.total { td { "Together" } td.number { (duration(total)) } td {} }
+                    }
+                }
+            }
+        })
     }
 
     /// Where data come from, one line each.
     #[must_use]
     pub fn credits<T: AsRef<str>>(self, lines: impl IntoIterator<Item = T>) -> Self {
-        let lines: Vec<String> =
-            lines.into_iter().map(|line| format!("<li>{}</li>\n", escape(line.as_ref()))).collect();
-        self.push(format!("<ul class=\"credits\">\n{}</ul>\n", lines.concat()))
+        let lines: Vec<T> = lines.into_iter().collect();
+        self.push(html! { ul.credits { @for line in &lines { li { (line.as_ref()) } } } })
     }
 
     /// The whole page: opens from the disk, asks no network for anything.
     #[must_use]
     pub fn finish(self) -> String {
-        let title = escape(&self.title);
-        let summary: Vec<String> =
-            self.summary.iter().map(|line| format!("<p>{}</p>\n", escape(line))).collect();
-        let summary = match summary.as_slice() {
-            [] => String::new(),
-            lines => format!("<div class=\"summary\">\n{}</div>\n", lines.concat()),
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    meta name="color-scheme" content="light dark";
+                    title { (self.title) }
+                    style { (PreEscaped(include_str!("report.css"))) }
+                }
+                body {
+                    main {
+                        header {
+                            h1 { (self.title) }
+                            @if !self.summary.is_empty() {
+                                div.summary { @for line in &self.summary { p { (line) } } }
+                            }
+                        }
+                        // A short report needs no table of contents.
+                        @if self.sections.len() > 2 {
+                            nav aria-label="Contents" {
+                                ol {
+                                    @for (i, name) in self.sections.iter().enumerate() {
+                                        li { a href=(format!("#s{}", i + 1)) { (name) } }
+                                    }
+                                }
+                            }
+                        }
+                        @for part in &self.body { (part) "\n" }
+                    }
+                    footer { "Made by monadnock " (env!("CARGO_PKG_VERSION")) "." }
+                }
+            }
         };
-        // A short report needs no table of contents.
-        let contents = if self.sections.len() < 3 {
-            String::new()
-        } else {
-            let links = self.sections.iter().enumerate();
-            let links: Vec<String> = links
-                .map(|(i, name)| format!("<li><a href=\"#s{}\">{}</a></li>\n", i + 1, escape(name)))
-                .collect();
-            format!("<nav aria-label=\"Contents\"><ol>\n{}</ol></nav>\n", links.concat())
-        };
-        format!(
-            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n\
-             <style>\n{}</style>\n</head>\n<body>\n<main>\n<header>\n<h1>{title}</h1>\n{summary}</header>\n\
-             {contents}{}</main>\n<footer>Made by monadnock {}.</footer>\n</body>\n</html>\n",
-            include_str!("report.css"),
-            self.body,
-            env!("CARGO_PKG_VERSION"),
-        )
+        page.into_string()
     }
 
-    fn push(mut self, html: String) -> Self {
-        self.body += &html;
+    fn push(mut self, part: Markup) -> Self {
+        self.body.push(part);
         self
     }
-}
-
-/// A duration as people say it.
-fn readable(time: Duration) -> String {
-    let seconds = time.as_secs_f64();
-    if seconds < 0.9995 {
-        return format!("{} ms", number(seconds * 1000.0, if seconds < 0.01 { 1 } else { 0 }));
-    }
-    if seconds < 59.95 {
-        return format!("{} s", number(seconds, 1));
-    }
-    let whole = seconds.round() as u64;
-    let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
-    if hours > 0 { format!("{hours} h {minutes} min") } else { format!("{minutes} min {seconds} s") }
 }
 
 #[cfg(test)]
@@ -282,22 +281,6 @@ mod tests {
             let opened =
                 page.matches(&format!("<{tag}>")).count() + page.matches(&format!("<{tag} ")).count();
             assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
-        }
-    }
-
-    #[test]
-    fn durations_read_well() {
-        let cases = [
-            (0.0042, "4.2 ms"),
-            (0.35, "350 ms"),
-            (1.0, "1.0 s"),
-            (59.9, "59.9 s"),
-            (59.96, "1 min 0 s"),
-            (83.0, "1 min 23 s"),
-            (7300.0, "2 h 1 min"),
-        ];
-        for (seconds, words) in cases {
-            assert_eq!(readable(Duration::from_secs_f64(seconds)), words);
         }
     }
 }

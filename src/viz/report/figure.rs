@@ -1,8 +1,10 @@
 //! What a report shows.
 
-use super::markup::{base64, escape};
 use crate::viz::Picture;
 use crate::viz::plot::Svg;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use maud::{Markup, PreEscaped, html};
 
 /// Pixels or a vector drawing.
 #[derive(Clone, Debug)]
@@ -51,20 +53,19 @@ impl Figure {
         Self { alt: Some(alt.into()), ..self }
     }
 
-    pub(super) fn html(&self) -> String {
-        let caption = escape(&self.caption);
-        let drawing = match &self.drawing {
-            Drawing::Picture(picture) => format!(
-                "<img src=\"data:image/png;base64,{}\" width=\"{}\" height=\"{}\" alt=\"{}\">",
-                base64(&picture.to_png()),
-                picture.cols(),
-                picture.rows(),
-                self.alt.as_deref().map_or_else(|| caption.clone(), escape),
-            ),
-            Drawing::Svg(svg) => svg.inline(),
-        };
-        let caption =
-            if caption.is_empty() { caption } else { format!("<figcaption>{caption}</figcaption>") };
-        format!("<figure>{drawing}{caption}</figure>\n")
+    pub(super) fn html(&self) -> Markup {
+        html! {
+            figure {
+                @match &self.drawing {
+                    Drawing::Picture(picture) => {
+                        img src=(format!("data:image/png;base64,{}", STANDARD.encode(picture.to_png())))
+                            width=(picture.cols()) height=(picture.rows())
+                            alt=(self.alt.as_deref().unwrap_or(&self.caption));
+                    }
+                    Drawing::Svg(svg) => { (PreEscaped(svg.inline())) }
+                }
+                @if !self.caption.is_empty() { figcaption { (self.caption) } }
+            }
+        }
     }
 }

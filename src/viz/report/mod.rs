@@ -2,10 +2,8 @@
 
 mod builder;
 mod figure;
-mod markup;
 mod table;
 
 pub use builder::Report;
 pub use figure::{Drawing, Figure};
-pub use markup::escape;
-pub use table::{Best, Column, Entry, Table};
+pub use table::{Best, Column, Entry, Table, Text};

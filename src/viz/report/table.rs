@@ -1,7 +1,9 @@
-//! Tables whose best numbers stand out.
+//! Tables, written once and rendered as HTML, Markdown and text.
 
-use super::markup::escape;
 use crate::viz::ticks::number;
+use comfy_table::CellAlignment;
+use maud::{Markup, html};
+use std::fmt::Write;
 
 /// Which number of a column is the best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,10 +16,66 @@ pub enum Best {
     NearestToOne,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Emphasis {
+    None,
+    Strong,
+    Code,
+}
+
+/// Words with emphasis.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Text(Vec<(Emphasis, String)>);
+
+impl Text {
+    /// The name of something in a program or file.
+    pub fn code(text: impl Into<String>) -> Self {
+        Self(vec![(Emphasis::Code, text.into())])
+    }
+
+    /// More words, in bold if `strong`.
+    #[must_use]
+    pub fn and(mut self, text: impl Into<String>, strong: bool) -> Self {
+        self.0.push((if strong { Emphasis::Strong } else { Emphasis::None }, text.into()));
+        self
+    }
+
+    pub(super) fn html(&self) -> Markup {
+        html! {
+            @for (emphasis, text) in &self.0 {
+                @match emphasis {
+                    Emphasis::None => { (text) }
+                    Emphasis::Strong => { strong { (text) } }
+                    Emphasis::Code => { code { (text) } }
+                }
+            }
+        }
+    }
+
+    fn markdown(&self) -> String {
+        let span = |(emphasis, text): &(Emphasis, String)| match emphasis {
+            Emphasis::None => text.replace('|', "\\|"),
+            Emphasis::Strong => format!("**{text}**"),
+            Emphasis::Code => format!("`{text}`"),
+        };
+        self.0.iter().map(span).collect()
+    }
+
+    fn plain(&self) -> String {
+        self.0.iter().map(|(_, text)| text.as_str()).collect()
+    }
+}
+
+impl<T: Into<String>> From<T> for Text {
+    fn from(text: T) -> Self {
+        Self::default().and(text, false)
+    }
+}
+
 /// The head of a column and how its entries are set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    name: String,
+    name: Text,
     unit: String,
     decimals: Option<usize>,
     best: Option<Best>,
@@ -25,16 +83,16 @@ pub struct Column {
 
 impl Column {
     /// A column of words, set to the left.
-    pub fn text(name: impl Into<String>) -> Self {
+    pub fn text(name: impl Into<Text>) -> Self {
         Self { name: name.into(), unit: String::new(), decimals: None, best: None }
     }
 
     /// A column of numbers with `decimals` decimals, set to the right.
-    pub fn number(name: impl Into<String>, decimals: usize) -> Self {
+    pub fn number(name: impl Into<Text>, decimals: usize) -> Self {
         Self { decimals: Some(decimals), ..Self::text(name) }
     }
 
-    /// The unit below the name.
+    /// The unit beside or below the name.
     #[must_use]
     pub fn unit(self, unit: impl Into<String>) -> Self {
         Self { unit: unit.into(), ..self }
@@ -45,13 +103,17 @@ impl Column {
     pub fn best(self, best: Best) -> Self {
         Self { best: Some(best), ..self }
     }
+
+    fn head(&self, name: String) -> String {
+        if self.unit.is_empty() { name } else { format!("{name}, {}", self.unit) }
+    }
 }
 
 /// One cell of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
     /// Words.
-    Text(String),
+    Text(Text),
     /// A number; one that is not finite is written out and never the best.
     Number(f64),
     /// Mean and standard deviation; the mean decides which is the best.
@@ -60,21 +122,33 @@ pub enum Entry {
     Missing,
 }
 
+impl From<Text> for Entry {
+    fn from(text: Text) -> Self {
+        Self::Text(text)
+    }
+}
+
 impl From<&str> for Entry {
     fn from(text: &str) -> Self {
-        Self::Text(text.to_owned())
+        Self::Text(text.into())
     }
 }
 
 impl From<String> for Entry {
     fn from(text: String) -> Self {
-        Self::Text(text)
+        Self::Text(text.into())
     }
 }
 
 impl From<f64> for Entry {
     fn from(value: f64) -> Self {
         Self::Number(value)
+    }
+}
+
+impl From<usize> for Entry {
+    fn from(count: usize) -> Self {
+        Self::Number(count as f64)
     }
 }
 
@@ -98,9 +172,31 @@ impl Entry {
             _ => None,
         }
     }
+
+    /// With a hyphen for a minus and a missing value, as plain files have it.
+    fn plain(&self, column: &Column, words: fn(&Text) -> String) -> String {
+        let figure = |value: f64| match column.decimals {
+            Some(decimals) => format!("{value:.decimals$}"),
+            None => value.to_string(),
+        };
+        match self {
+            Self::Text(text) => words(text),
+            Self::Number(value) => figure(*value),
+            Self::Spread(mean, deviation) => format!("{} ± {}", figure(*mean), figure(*deviation)),
+            Self::Missing => "-".to_owned(),
+        }
+    }
 }
 
 /// Rows under columns.
+///
+/// ```
+/// use monadnock::viz::report::{Column, Entry, Table, Text};
+/// let table = Table::new([Column::text("system"), Column::number("PSNR", 2).unit("dB")])
+///     .row([Entry::from(Text::code("laplace")), Entry::from(31.187)]);
+/// assert_eq!(table.markdown(), "| system | PSNR, dB |\n| --- | --- |\n| `laplace` | 31.19 |\n");
+/// assert_eq!(table.text(), "system   PSNR, dB\nlaplace     31.19");
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     caption: String,
@@ -113,6 +209,32 @@ impl Table {
     #[must_use]
     pub fn new(columns: impl IntoIterator<Item = Column>) -> Self {
         Self { caption: String::new(), columns: columns.into_iter().collect(), rows: Vec::new() }
+    }
+
+    /// The rows of a table of CSV under the names of its header, `_` read as a space. Columns of numbers keep the decimals that
+    /// they have, at most four.
+    #[must_use]
+    pub fn of_csv(text: &str) -> Self {
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let heads: Vec<String> =
+            reader.headers().into_iter().flatten().map(|name| name.replace('_', " ")).collect();
+        let rows: Vec<csv::StringRecord> = reader.records().filter_map(std::result::Result::ok).collect();
+        let columns = heads.into_iter().enumerate().map(|(i, head)| {
+            let fields = || rows.iter().filter_map(|row| row.get(i)).filter(|field| !field.is_empty());
+            if fields().any(|field| field.parse::<f64>().is_err()) || fields().next().is_none() {
+                return Column::text(head);
+            }
+            let decimals = |field: &str| field.split_once('.').map_or(0, |(_, decimals)| decimals.len());
+            Column::number(head, fields().map(decimals).max().unwrap_or(0).min(4))
+        });
+        let table = Self::new(columns);
+        let entry = |(field, column): (&str, &Column)| match column.decimals {
+            Some(_) => Entry::from(field.parse::<f64>().ok()),
+            None => Entry::from(field),
+        };
+        let rows = rows.iter().map(|row| row.iter().zip(&table.columns).map(entry).collect::<Vec<Entry>>());
+        let rows = rows.collect();
+        Self { rows, ..table }
     }
 
     /// The words above the table.
@@ -133,36 +255,83 @@ impl Table {
         self
     }
 
-    pub(super) fn html(&self) -> String {
-        let mut html = String::from("<div class=\"scroll\"><table>");
-        if !self.caption.is_empty() {
-            html += &format!("<caption>{}</caption>", escape(&self.caption));
-        }
-        html += "<thead><tr>";
-        for column in &self.columns {
-            let class = if column.decimals.is_some() { " class=\"number\"" } else { "" };
-            let unit = match column.unit.as_str() {
-                "" => String::new(),
-                unit => format!("<span class=\"unit\">{}</span>", escape(unit)),
-            };
-            html += &format!("<th scope=\"col\"{class}>{}{unit}</th>", escape(&column.name));
-        }
-        html += "</tr></thead>\n<tbody>\n";
+    pub(super) fn html(&self) -> Markup {
         let best: Vec<Option<f64>> = (0..self.columns.len()).map(|i| self.distance_of_best(i)).collect();
-        for row in &self.rows {
-            html += "<tr>";
-            for (i, (entry, column)) in row.iter().zip(&self.columns).enumerate() {
-                let chosen = column.best.is_some() && best[i].is_some() && column.distance(entry) == best[i];
-                let class = match (column.decimals.is_some(), chosen) {
-                    (true, true) => " class=\"number best\"",
-                    (true, false) => " class=\"number\"",
-                    _ => "",
-                };
-                html += &format!("<td{class}>{}</td>", column.set(entry));
+        let is_best =
+            |i: usize, entry: &Entry| best[i].is_some() && self.columns[i].distance(entry) == best[i];
+        html! {
+            div.scroll {
+                table {
+                    @if !self.caption.is_empty() { caption { (self.caption) } }
+                    thead {
+                        tr {
+                            @for column in &self.columns {
+                                th scope="col" class=[column.decimals.map(|_| "number")] {
+                                    (column.name.html())
+                                    @if !column.unit.is_empty() { span.unit { (column.unit) } }
+                                }
+                            }
+                        }
+                    }
+                    tbody {
+                        @for row in &self.rows {
+                            tr {
+                                @for (i, (entry, column)) in row.iter().zip(&self.columns).enumerate() {
+                                    @let class = match (column.decimals.is_some(), is_best(i, entry)) {
+                                        (true, true) => Some("number best"),
+                                        (true, false) => Some("number"),
+                                        _ => None,
+                                    };
+                                    td class=[class] { (column.set(entry)) }
+                                }
+                            }
+                        }
+                    }
+                }
             }
-            html += "</tr>\n";
         }
-        html + "</tbody></table></div>\n"
+    }
+
+    /// As Markdown, the caption as a paragraph before it.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        if !self.caption.is_empty() {
+            let _ = writeln!(text, "{}\n", self.caption);
+        }
+        let heads: Vec<String> = self.columns.iter().map(|c| c.head(c.name.markdown())).collect();
+        let mut line = |cells: &[String]| {
+            let _ = writeln!(text, "| {} |", cells.join(" | "));
+        };
+        line(&heads);
+        line(&vec!["---".to_owned(); heads.len()]);
+        self.rows.iter().for_each(|row| line(&self.cells(row, Text::markdown)));
+        text
+    }
+
+    /// As text in columns, for a terminal.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut table = comfy_table::Table::new();
+        table.load_style(comfy_table::presets::NOTHING);
+        table.set_header(self.columns.iter().map(|c| c.head(c.name.plain())));
+        self.rows.iter().for_each(|row| {
+            table.add_row(self.cells(row, Text::plain));
+        });
+        for (i, column) in self.columns.iter().enumerate() {
+            if let Some(set) = table.column_mut(i) {
+                set.set_padding((if i == 0 { 0 } else { 1 }, 1));
+                if column.decimals.is_some() {
+                    set.set_cell_alignment(CellAlignment::Right);
+                }
+            }
+        }
+        let caption = if self.caption.is_empty() { String::new() } else { format!("{}\n", self.caption) };
+        caption + &table.trim_fmt()
+    }
+
+    fn cells(&self, row: &[Entry], words: fn(&Text) -> String) -> Vec<String> {
+        row.iter().zip(&self.columns).map(|(entry, column)| entry.plain(column, words)).collect()
     }
 
     fn distance_of_best(&self, column: usize) -> Option<f64> {
@@ -183,7 +352,7 @@ impl Column {
         })
     }
 
-    fn set(&self, entry: &Entry) -> String {
+    fn set(&self, entry: &Entry) -> Markup {
         let figure = |value: f64| match (value.is_finite(), self.decimals) {
             (true, Some(decimals)) => number(value, decimals),
             (true, None) => value.to_string(),
@@ -191,12 +360,10 @@ impl Column {
             (false, _) => if value > 0.0 { "∞" } else { "−∞" }.to_owned(),
         };
         match entry {
-            Entry::Text(text) => escape(text),
-            Entry::Number(value) => figure(*value),
-            Entry::Spread(mean, deviation) => {
-                format!("{}<span class=\"spread\"> ± {}</span>", figure(*mean), figure(*deviation))
-            }
-            Entry::Missing => "–".to_owned(),
+            Entry::Text(text) => text.html(),
+            Entry::Number(value) => html! { (figure(*value)) },
+            Entry::Spread(mean, sd) => html! { (figure(*mean)) span.spread { " ± " (figure(*sd)) } },
+            Entry::Missing => html! { "–" },
         }
     }
 }
@@ -220,7 +387,7 @@ mod tests {
 
     #[test]
     fn the_best_of_each_column_stands_out_and_ties_share() {
-        let html = scores().html();
+        let html = scores().html().into_string();
         let best: Vec<&str> = html
             .match_indices("number best\">")
             .map(|(at, m)| &html[at + m.len()..at + m.len() + 5])
@@ -229,6 +396,29 @@ mod tests {
         assert_eq!(best, ["0.857", "9.0</", "1.05<", "0.857"]);
         assert!(html.contains("&lt;ours&gt;") && html.contains("not a number") && html.contains("–"));
         assert!(html.contains("0.814<span class=\"spread\"> ± 0.030</span>"));
+    }
+
+    #[test]
+    fn one_table_reads_the_same_in_all_three() {
+        let table = Table::new([Column::text("system"), Column::text("SSIM / PSNR")]).caption("Means");
+        let entry = Text::default().and("0.9", true).and(" / 30", false);
+        let table = table.row([Text::code("a|b"), entry]).row(["a|b", "-"]);
+        assert_eq!(
+            table.markdown(),
+            "Means\n\n| system | SSIM / PSNR |\n| --- | --- |\n| `a|b` | **0.9** / 30 |\n| a\\|b | - |\n"
+        );
+        let html = table.html().into_string();
+        assert!(html.contains("<code>a|b</code>") && html.contains("<strong>0.9</strong> / 30"), "{html}");
+        assert_eq!(table.text(), "Means\nsystem  SSIM / PSNR\na|b     0.9 / 30\na|b     -");
+    }
+
+    #[test]
+    fn a_table_of_csv_has_its_columns() {
+        let table = Table::of_csv("style,peak_mb,seconds\none,120,0.5\ntwo,,12.25\n");
+        let expected =
+            "| style | peak mb | seconds |\n| --- | --- | --- |\n| one | 120 | 0.50 |\n| two | - | 12.25 |\n";
+        assert_eq!(table.markdown(), expected);
+        assert!(table.html().into_string().contains("<td class=\"number\">12.25</td>"));
     }
 
     #[test]

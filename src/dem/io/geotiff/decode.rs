@@ -3,102 +3,117 @@
 //! In: the bytes of a file. Out: heights in metres, voids, georeference. Cost: one pass; beside the raster, one strip
 //! or tile at a time.
 
-use super::super::ground::{self, Placement};
+use super::super::mask::{FileMask, hide};
+use super::super::place::Said;
+use super::super::reading::Source;
 use super::super::samples::{Rule, Samples};
-use super::super::{CellSizeSource, Description, Format, ReadOptions};
+use super::super::{Description, Format, Nodata, ReadOptions};
 use super::directory::Directory;
-use super::georeference::Location;
+use super::georeference::location;
 use super::layout::Layout;
+use super::masks;
 use super::metadata::Metadata;
-use crate::dem::{CellSize, Dem, Georeference};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use std::path::Path;
 
-pub(in super::super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(Dem, Description)> {
+pub(in super::super) fn read(
+    source: &Source<'_>,
+    bytes: &[u8],
+    said: &mut Said,
+) -> Result<(Dem, Description)> {
+    let Source { path, options, sidecars } = *source;
     let directory = Directory::parse(path, bytes)?;
     let layout = Layout::parse(path, &directory, bytes.len() as u64)?;
-    let band = choose_band(path, options, &layout)?;
-    let location = Location::parse(path, &directory, options)?;
-    let metadata = Metadata::parse(path, &directory, band, options)?;
+    let alpha = masks::alpha_bands(&directory, layout.bands)?;
+    let band = choose_band(path, options, &layout, &alpha)?;
+    let (place, own_unit) = location(path, &directory, options, said)?;
+    let metadata = Metadata::parse(path, &directory, band, options, said)?;
+    let beside = sidecars.band(band);
 
-    let mut notes = Vec::new();
-    let unit = metadata.unit.or(location.vertical_unit).unwrap_or(1.0);
-    if unit != 1.0 && options.metres_per_unit.is_none() {
-        notes.push(format!("heights converted to metres: 1 unit is {unit} m"));
-    }
-    let rule = Rule::new(path, options, metadata.nodata, unit)?
-        .scaled(metadata.scale, metadata.offset)
+    let unit = sidecars.metres_per_height(path, &beside, metadata.unit.or(own_unit), options, said)?;
+    let rule = Rule::new(path, options, beside.nodata.or(metadata.nodata), unit)?
+        .scaled(beside.scale.unwrap_or(metadata.scale), beside.offset.unwrap_or(metadata.offset))
         .single_precision(layout.numbers.name() == "f32");
 
     let shape = (layout.rows, layout.cols);
-    let placement = location.transform.map(|t| Placement::north_up(t, shape.0, shape.1));
-    let georeference = placement.map(|p| Georeference {
-        transform: p.transform,
-        epsg: location.epsg,
-        raster_space: location.raster_space,
-    });
-    let recorded = metadata.cell_size.zip(placement).and_then(|(r, p)| r.for_transform(p.transform));
-    let (cell_size, source) = match (options.cell_size, recorded, georeference) {
-        (Some(given), _, _) => (given, CellSizeSource::Caller),
-        (None, Some(recorded), _) => (recorded, CellSizeSource::File),
-        (None, None, Some(g)) => (ground::cell_size(path, &g, location.unit, shape)?, CellSizeSource::File),
-        (None, None, None) => (CellSize::square(1.0)?, CellSizeSource::Assumed),
-    };
+    let recorded =
+        |transform: Option<[f64; 6]>| metadata.cell_size.zip(transform).and_then(|(r, t)| r.for_transform(t));
+    let settled = place.settle(path, options, sidecars, shape, recorded, said)?;
 
     let mut samples = Samples::new(shape.0, shape.1, rule);
-    fill(path, bytes, &layout, band, &mut samples)?;
-    if let Some(p) = placement {
-        samples.flip(p.flip_rows, p.flip_cols);
-        if p.flip_rows || p.flip_cols {
-            notes.push("turned so that row 0 is north".to_owned());
-        }
+    each_number(path, bytes, &layout, band, |i, value| samples.set(i, value))?;
+    if options.nodata != Nodata::None
+        && let Some(known) = masks::internal(path, bytes, &directory, shape, band)?
+    {
+        hide(&mut samples, options, "mask in the file", |i| known[i], said);
     }
-    let dem = samples.into_dem(path, cell_size)?.at(georeference);
-    notes.extend(location.notes);
-    let description = Description {
-        format: Format::GeoTiff,
-        sample: layout.numbers.name(),
-        packing: layout.packing_words(),
-        coordinates: location.words,
-        cell_size_source: source,
-        notes,
-    };
-    Ok((dem, description))
+    if alpha.contains(&band) {
+        said.warnings
+            .push(format!("band {} is marked as transparency, and read as heights as --band says", band + 1));
+    } else if let Some(&alpha) = alpha.first() {
+        let mut known = vec![false; shape.0 * shape.1];
+        each_number(path, bytes, &layout, alpha, |i, value| known[i] = value != 0.0)?;
+        hide(&mut samples, options, &format!("band {} (transparency)", alpha + 1), |i| known[i], said);
+    }
+    FileMask { path, options, sidecars, shape, band }.apply(&mut samples, said)?;
+    samples.flip(settled.flip_rows, settled.flip_cols);
+    let dem = samples.into_dem(path, settled.cell_size, said)?.at(settled.georeference);
+    Ok((dem, Description::new(Format::GeoTiff, layout.numbers.name(), &layout.packing_words(), &settled)))
 }
 
-/// The band to read, counted from 0.
-fn choose_band(path: &Path, options: &ReadOptions, layout: &Layout) -> Result<usize> {
+/// The band to read, counted from 0; `alpha` are those that hold transparency.
+fn choose_band(path: &Path, options: &ReadOptions, layout: &Layout, alpha: &[usize]) -> Result<usize> {
     let bands = layout.bands;
-    match options.band {
-        None if bands == 1 => Ok(0),
-        None => Err(Error::file(
+    let mut heights = (0..bands).filter(|band| !alpha.contains(band));
+    match (options.band, heights.next(), heights.next()) {
+        (None, Some(only), None) => Ok(only),
+        (None, ..) => Err(Error::file(
             path,
             "number of bands",
             bands,
-            format!("heights are one band: name the band to read, 1 to {bands}"),
+            format!("heights are one band: name the band to read, 1 to {bands}, with --band N"),
         )),
-        Some(band) if (1..=bands).contains(&band) => Ok(band - 1),
-        Some(band) => Err(Error::file(path, "band", band, format!("allowed: 1 to {bands}"))),
+        (Some(band), ..) if (1..=bands).contains(&band) => Ok(band - 1),
+        (Some(band), ..) => Err(Error::file(path, "band", band, format!("allowed: 1 to {bands}"))),
     }
 }
 
-fn fill(path: &Path, bytes: &[u8], layout: &Layout, band: usize, samples: &mut Samples) -> Result<()> {
+/// Calls `place` with the position and the value of every number of a band; cells of absent strips and tiles are left out.
+pub(super) fn each_number(
+    path: &Path,
+    bytes: &[u8],
+    layout: &Layout,
+    band: usize,
+    mut place: impl FnMut(usize, f64),
+) -> Result<()> {
+    let offset = if layout.planar { 0 } else { band };
+    each_chunk(path, bytes, layout, band, |chunk, raw| numbers(layout, chunk, offset, raw, &mut place))
+}
+
+/// Calls `take` with the number and the unpacked bytes of every strip or tile of a band.
+pub(super) fn each_chunk(
+    path: &Path,
+    bytes: &[u8],
+    layout: &Layout,
+    band: usize,
+    mut take: impl FnMut(usize, &[u8]),
+) -> Result<()> {
     let packing = layout.packing;
     let first = if layout.planar { band * layout.chunks_per_band } else { 0 };
-    let offset = if layout.planar { 0 } else { band };
     for i in 0..layout.chunks_per_band {
         let Some(packed) = layout.chunk(first + i, bytes) else { continue };
         let raw = packing.unpack(packed, layout.unpacked_bytes(i)).map_err(|reason| {
             let field = format!("{} {}", layout.chunk_noun(), first + i);
             Error::file(path, field, format!("damaged ({reason})"), "the data must unpack whole")
         })?;
-        place(layout, i, offset, &raw, samples);
+        take(i, &raw);
     }
     Ok(())
 }
 
-/// Copies one band of a chunk into the raster, without what overhangs it.
-fn place(layout: &Layout, chunk: usize, offset: usize, raw: &[u8], samples: &mut Samples) {
+/// One band of a chunk, without what overhangs the raster.
+fn numbers(layout: &Layout, chunk: usize, offset: usize, raw: &[u8], place: &mut impl FnMut(usize, f64)) {
     let (row, col) = layout.chunk_origin(chunk);
     let (rows, cols) = layout.chunk_shape(chunk);
     let interleaved = layout.packing.samples;
@@ -107,11 +122,11 @@ fn place(layout: &Layout, chunk: usize, offset: usize, raw: &[u8], samples: &mut
         let start = (row + i) * layout.cols + col;
         let line = &line[..cols * cell_bytes];
         if interleaved == 1 {
-            layout.numbers.each(line, false, |j, value| samples.set(start + j, value));
+            layout.numbers.each(line, false, |j, value| place(start + j, value));
         } else {
             layout.numbers.each(line, false, |j, value| {
                 if j % interleaved == offset {
-                    samples.set(start + j / interleaved, value);
+                    place(start + j / interleaved, value);
                 }
             });
         }

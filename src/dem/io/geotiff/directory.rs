@@ -1,4 +1,4 @@
-//! The first image file directory of a TIFF, every entry checked against the file's length.
+//! The image file directories of a TIFF, every entry checked against the file's length.
 //!
 //! In: the bytes of a file. Out: tag -> values. Cost: the entries once; values are decoded only when asked for, and
 //! never take more than eight times their bytes in the file. Source: TIFF 6.0, section 2; BigTIFF.
@@ -20,26 +20,46 @@ struct Entry {
 const SIZES: [usize; 19] = [0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8];
 const ASCII: u16 = 2;
 
-/// The entries of the first image.
+/// The entries of an image.
 #[derive(Debug)]
 pub(super) struct Directory<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     big_endian: bool,
     entries: BTreeMap<u16, Entry>,
+    /// Where the next directory begins; 0 after the last.
+    next: u64,
 }
 
 impl<'a> Directory<'a> {
-    /// Reads the header and the entries.
+    /// Reads the header and the entries of the first image.
     pub(super) fn parse(path: &'a Path, bytes: &'a [u8]) -> Result<Self> {
         let big_endian = bytes.first() == Some(&b'M');
-        let mut file = Self { path, bytes, big_endian, entries: BTreeMap::new() };
+        let file = Self { path, bytes, big_endian, entries: BTreeMap::new(), next: 0 };
         let big = file.number("version", 2, 2)? == 43;
         if big && (file.number("offset size", 4, 2)?, file.number("offset size", 6, 2)?) != (8, 0) {
             return Err(Error::file(path, "BigTIFF offset size", "not 8", "allowed: 8 bytes"));
         }
         let (first, pointer) = if big { (8, 8) } else { (4, 4) };
         let start = file.number("position of the directory", first, pointer)?;
+        file.at(start, big)
+    }
+
+    /// The directory after this one.
+    pub(super) fn following(&self) -> Result<Option<Self>> {
+        if self.next == 0 {
+            return Ok(None);
+        }
+        let big = self.number("version", 2, 2)? == 43;
+        let file = Self { entries: BTreeMap::new(), next: 0, ..*self };
+        file.at(self.next, big).map(Some)
+    }
+
+    /// Reads the entries of the directory at `start`.
+    fn at(mut self, start: u64, big: bool) -> Result<Self> {
+        let (path, bytes) = (self.path, self.bytes);
+        let file = &mut self;
+        let pointer = if big { 8 } else { 4 };
         let start = usize::try_from(start).unwrap_or(usize::MAX);
         let (count_size, entry_size) = if big { (8, 20) } else { (2, 12) };
         let count = file.number("directory", start, count_size)?;
@@ -55,7 +75,10 @@ impl<'a> Directory<'a> {
         for i in 0..entries {
             file.read_entry(start + count_size + i * entry_size, pointer)?;
         }
-        Ok(file)
+        // Absent in files that were cut off after the last entry: no more images then.
+        self.next =
+            self.number("next directory", start + count_size + entries * entry_size, pointer).unwrap_or(0);
+        Ok(self)
     }
 
     /// Adds the entry at `at`; types from the future are skipped, as TIFF asks.

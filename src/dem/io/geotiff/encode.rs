@@ -7,9 +7,9 @@
 //! Without a georeference the DEM is placed at the origin of a local metric system. Cost: one pass, and the packed
 //! strips in memory.
 
-use super::super::ground::{self, Ellipsoid, MapUnit};
 use super::super::{SampleType, WriteOptions};
-use super::{key, metadata, tag};
+use super::{key, metadata, projection, tag};
+use crate::dem::crs::{Crs, CrsKind, Ellipsoid, same_as, unit_code};
 use crate::dem::{Dem, Georeference, RasterSpace};
 use crate::error::{Error, Result};
 use crate::file::Output;
@@ -70,8 +70,8 @@ pub(in super::super) fn write(
         offsets.push(beyond(offset)?);
         counts.push(beyond(strip.len() as u64)?);
     }
-    let keys = geo_keys(dem);
-    let placed = dem.georeference().copied().unwrap_or_else(|| local(dem));
+    let placed = placed(dem);
+    let keys = Keys::of(&placed);
     let mut put = |number: u16, value: Value<'_>| {
         let tag = Tag::from_u16_exhaustive(number);
         match value {
@@ -95,15 +95,17 @@ pub(in super::super) fn write(
     put(tag::STRIP_BYTE_COUNTS, Value::Longs(&counts))?;
     put(tag::PREDICTOR, Value::Short(predictor))?;
     put(tag::SAMPLE_FORMAT, Value::Short(format))?;
-    let (transform_tags, raster_space) = (transform_tags(&placed), placed.raster_space);
-    debug_assert!(keys.is_some() || raster_space == RasterSpace::PixelIsArea);
-    for (number, values) in &transform_tags {
+    for (number, values) in &transform_tags(&placed) {
         put(*number, Value::Doubles(values))?;
     }
-    if let Some(keys) = &keys {
-        put(tag::GEO_KEY_DIRECTORY, Value::Shorts(keys))?;
+    put(tag::GEO_KEY_DIRECTORY, Value::Shorts(&keys.directory()))?;
+    if !keys.doubles.is_empty() {
+        put(tag::GEO_DOUBLE_PARAMS, Value::Doubles(&keys.doubles))?;
     }
-    let derived = ground::cell_size(path, &placed, map_unit(dem), (rows, cols)).ok();
+    if !keys.text.is_empty() {
+        put(tag::GEO_ASCII_PARAMS, Value::Text(&keys.text))?;
+    }
+    let derived = placed.ground((rows, cols)).ok().map(|ground| ground.cell_size);
     if derived != Some(dem.cell_size()) {
         put(tag::GDAL_METADATA, Value::Text(&metadata::record_cell_size(dem.cell_size(), placed.transform)))?;
     }
@@ -171,72 +173,132 @@ fn local(dem: &Dem) -> Georeference {
     Georeference {
         transform: [size.x(), 0.0, 0.0, 0.0, -size.y(), north],
         epsg: None,
+        definition: Crs::local(1.0).ok(),
         raster_space: RasterSpace::PixelIsArea,
     }
 }
 
-/// What the georeference's unit must be, judged by the cell size beside it: one degree is about 10^5 metres (on Earth;
-/// 3 x 10^4 on the Moon), and no linear unit is nearly as long.
-fn map_unit(dem: &Dem) -> MapUnit {
-    let Some(g) = dem.georeference() else { return MapUnit::Unstated };
-    let [_, b, _, _, e, _] = g.transform;
-    let metres = dem.cell_size().y() / b.hypot(e);
-    if metres > 5000.0 {
-        MapUnit::Degrees(1.0, Ellipsoid::WGS84)
-    } else if g.epsg == Some(3857) {
-        MapUnit::WebMercator
-    } else {
-        let known = [0.3048, 1200.0 / 3937.0, 1000.0];
-        let near = known.into_iter().find(|unit| (metres / unit - 1.0).abs() < 1e-7);
-        if g.epsg.is_none() && near.is_none() {
-            MapUnit::Unstated
-        } else {
-            MapUnit::Metres(near.unwrap_or(1.0))
+/// The place that is written. Coordinates of no stated unit whose steps are the cell size are metres.
+fn placed(dem: &Dem) -> Georeference {
+    let Some(g) = dem.georeference() else { return local(dem) };
+    let ([a, b, _, d, e, _], size) = (g.transform, dem.cell_size());
+    let same = |step: f64, metres: f64| (step / metres - 1.0).abs() < 1e-9;
+    let metres = same(a.hypot(d), size.x()) && same(b.hypot(e), size.y());
+    let definition = match g.crs() {
+        None if g.epsg.is_none() && metres => Crs::local(1.0).ok(),
+        _ => g.definition,
+    };
+    Georeference { definition, ..*g }
+}
+
+/// The GeoKeys: directory, doubles and texts.
+#[derive(Default)]
+struct Keys {
+    entries: Vec<[u16; 4]>,
+    doubles: Vec<f64>,
+    text: String,
+}
+
+impl Keys {
+    fn short(&mut self, key: u16, value: u16) {
+        self.entries.push([key, 0, 1, value]);
+    }
+
+    fn double(&mut self, key: u16, value: f64) {
+        self.entries.push([key, tag::GEO_DOUBLE_PARAMS, 1, self.doubles.len() as u16]);
+        self.doubles.push(value);
+    }
+
+    fn text(&mut self, key: u16, value: &str) {
+        let start = self.text.len() as u16;
+        self.text += value;
+        self.text.push('|');
+        self.entries.push([key, tag::GEO_ASCII_PARAMS, self.text.len() as u16 - start, start]);
+    }
+
+    /// All that is known about the coordinates.
+    fn of(g: &Georeference) -> Self {
+        let mut keys = Self::default();
+        let space = match g.raster_space {
+            RasterSpace::PixelIsArea => key::PIXEL_IS_AREA,
+            RasterSpace::PixelIsPoint => key::PIXEL_IS_POINT,
+        };
+        keys.short(key::RASTER_TYPE, space);
+        let code = g.epsg.map(same_as).and_then(|code| u16::try_from(code).ok());
+        match (g.crs(), code) {
+            (Some(crs), code) => keys.system(&crs, code),
+            // Most codes are of projected systems, and its table must be looked up in any case.
+            (None, Some(code)) => {
+                keys.short(key::MODEL_TYPE, key::PROJECTED);
+                keys.short(key::PROJECTED_CRS, code);
+            }
+            (None, None) => {}
+        }
+        keys.entries.sort_unstable();
+        keys
+    }
+
+    fn system(&mut self, crs: &Crs, code: Option<u16>) {
+        match (crs.kind(), crs.metres_per_unit()) {
+            (CrsKind::Geographic, _) | (_, None) => {
+                self.short(key::MODEL_TYPE, key::GEOGRAPHIC);
+                self.geographic(crs, code);
+            }
+            (CrsKind::Projected, Some(metres)) => {
+                let keys = crs.method().and_then(|method| projection::keys(method, metres));
+                match (code, keys) {
+                    (Some(code), _) => {
+                        self.short(key::MODEL_TYPE, key::PROJECTED);
+                        self.short(key::PROJECTED_CRS, code);
+                    }
+                    (None, Some((projection, parameters))) => {
+                        self.short(key::MODEL_TYPE, key::PROJECTED);
+                        self.geographic(crs, crs.base_epsg().and_then(|code| u16::try_from(code).ok()));
+                        self.short(key::PROJECTED_CRS, key::USER_DEFINED);
+                        self.short(key::PROJECTION_CRS, key::USER_DEFINED);
+                        self.short(key::PROJECTION, projection);
+                        parameters.into_iter().for_each(|(key, value)| self.double(key, value));
+                    }
+                    // No keys say what it is: its lengths are kept, and its words.
+                    (None, None) => {
+                        self.short(key::MODEL_TYPE, key::USER_DEFINED);
+                        if let Ok(wkt) = crs.wkt() {
+                            self.text(key::CITATION, &wkt.replace('|', " "));
+                        }
+                    }
+                }
+                self.linear_unit(metres);
+            }
+            (CrsKind::Local, Some(metres)) => {
+                self.short(key::MODEL_TYPE, key::USER_DEFINED);
+                self.linear_unit(metres);
+            }
         }
     }
-}
 
-/// The GeoKey directory, when there is anything to say.
-fn geo_keys(dem: &Dem) -> Option<Vec<u16>> {
-    let g = dem.georeference()?;
-    let code = g.epsg.and_then(|code| u16::try_from(code).ok()).unwrap_or(key::USER_DEFINED);
-    let space = match g.raster_space {
-        RasterSpace::PixelIsArea => key::PIXEL_IS_AREA,
-        RasterSpace::PixelIsPoint => key::PIXEL_IS_POINT,
-    };
-    let keys = match map_unit(dem) {
-        MapUnit::Degrees(..) => vec![
-            (key::MODEL_TYPE, key::GEOGRAPHIC),
-            (key::RASTER_TYPE, space),
-            (key::GEODETIC_CRS, code),
-            (key::ANGULAR_UNITS, key::DEGREE),
-        ],
-        MapUnit::Unstated if g.raster_space == RasterSpace::PixelIsArea => return None,
-        MapUnit::Unstated => vec![(key::RASTER_TYPE, space)],
-        MapUnit::Metres(factor) => vec![
-            (key::MODEL_TYPE, key::PROJECTED),
-            (key::RASTER_TYPE, space),
-            (key::PROJECTED_CRS, code),
-            (key::LINEAR_UNITS, linear_unit_code(factor)),
-        ],
-        MapUnit::WebMercator => vec![
-            (key::MODEL_TYPE, key::PROJECTED),
-            (key::RASTER_TYPE, space),
-            (key::PROJECTED_CRS, code),
-            (key::LINEAR_UNITS, key::METRE),
-        ],
-    };
-    let mut directory = vec![1, 1, 0, keys.len() as u16];
-    directory.extend(keys.into_iter().flat_map(|(key, value)| [key, 0, 1, value]));
-    Some(directory)
-}
+    fn geographic(&mut self, crs: &Crs, code: Option<u16>) {
+        self.short(key::GEODETIC_CRS, code.unwrap_or(key::USER_DEFINED));
+        self.short(key::ANGULAR_UNITS, key::DEGREE);
+        if code.is_none() {
+            let Ellipsoid { semi_major, flattening } = crs.ellipsoid();
+            self.double(key::SEMI_MAJOR_AXIS, semi_major);
+            self.double(key::INVERSE_FLATTENING, if flattening == 0.0 { 0.0 } else { 1.0 / flattening });
+        }
+    }
 
-fn linear_unit_code(metres: f64) -> u16 {
-    match metres {
-        0.3048 => 9002,
-        1000.0 => 9036,
-        m if m == 1200.0 / 3937.0 => 9003,
-        _ => key::METRE,
+    fn linear_unit(&mut self, metres: f64) {
+        let code = unit_code(metres);
+        self.short(key::LINEAR_UNITS, code.unwrap_or(key::USER_DEFINED));
+        if code.is_none() {
+            self.double(key::LINEAR_UNIT_SIZE, metres);
+        }
+    }
+
+    /// The tag of the directory.
+    fn directory(&self) -> Vec<u16> {
+        let mut directory = vec![1, 1, 0, self.entries.len() as u16];
+        directory.extend(self.entries.iter().flatten());
+        directory
     }
 }
 

@@ -1,63 +1,39 @@
 //! Where a GeoTIFF lies: the affine transform, the coordinate system, its units.
 //!
-//! Source: OGC GeoTIFF 1.1. Coordinates are kept as the file has them, except angles in other units, which become
-//! degrees. No projection database is consulted: a projected system's linear unit is what the file states, else metres.
+//! Source: OGC GeoTIFF 1.1. Coordinates are kept as the file has them, except angles in other units, which become degrees.
+//! An EPSG code stands for its system (`dem::crs`); a unit that the file states counts before the code's.
 
 use super::directory::Directory;
-use super::{key, tag};
+use super::{key, projection, tag};
 use crate::dem::RasterSpace;
+use crate::dem::crs::{Crs, CrsKind, Ellipsoid, linear_unit, unit_in_words};
 use crate::dem::io::ReadOptions;
-use crate::dem::io::ground::{Ellipsoid, MapUnit};
+use crate::dem::io::place::{Place, Said, unless_given};
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// EPSG codes of web mercator.
-const WEB_MERCATOR: [u32; 2] = [3857, 3785];
+/// Two statements of one unit may differ by this much.
+const SAME_UNIT: f64 = 1e-6;
 
-/// What the tags say.
-#[derive(Debug)]
-pub(super) struct Location {
-    /// Raster (col, row), outer corner at (0, 0), to coordinates; see [`crate::dem::Georeference::transform`].
-    pub(super) transform: Option<[f64; 6]>,
-    pub(super) epsg: Option<u32>,
-    pub(super) raster_space: RasterSpace,
-    pub(super) unit: MapUnit,
-    /// Metres in a vertical unit.
-    pub(super) vertical_unit: Option<f64>,
-    /// The coordinate system in words.
-    pub(super) words: String,
-    pub(super) notes: Vec<String>,
-}
-
-impl Location {
-    pub(super) fn parse(path: &Path, directory: &Directory<'_>, options: &ReadOptions) -> Result<Self> {
-        let keys = Keys::parse(path, directory)?;
-        let raster_space = match keys.code(key::RASTER_TYPE) {
-            None | Some(key::PIXEL_IS_AREA) => RasterSpace::PixelIsArea,
-            Some(key::PIXEL_IS_POINT) => RasterSpace::PixelIsPoint,
-            Some(other) => {
-                let allowed = "allowed: 1 (pixel is area) or 2 (pixel is point)";
-                return Err(Error::file(path, "GTRasterTypeGeoKey", other, allowed));
-            }
-        };
-        let mut notes = Vec::new();
-        let transform = transform(path, directory, options, raster_space, &mut notes)?;
-        let (epsg, unit, words) = keys.coordinate_system(path, &mut notes)?;
-        let (transform, unit) = match (transform, unit) {
-            (Some(t), MapUnit::Degrees(factor, ellipsoid)) if factor != 1.0 => {
-                (Some(t.map(|v| v * factor)), MapUnit::Degrees(1.0, ellipsoid))
-            }
-            unchanged => unchanged,
-        };
-        let vertical_unit = match keys.code(key::VERTICAL_UNITS) {
-            Some(code) if options.metres_per_unit.is_none() => {
-                Some(linear_unit(path, "VerticalUnitsGeoKey", code)?)
-            }
-            _ => None,
-        };
-        let words = if transform.is_none() && epsg.is_none() { "none".to_owned() } else { words };
-        Ok(Self { transform, epsg, raster_space, unit, vertical_unit, words, notes })
+/// The place that the tags say, and metres in a unit of the heights.
+pub(super) fn location(
+    path: &Path,
+    directory: &Directory<'_>,
+    options: &ReadOptions,
+    said: &mut Said,
+) -> Result<(Place, Option<f64>)> {
+    let keys = unless_given(Keys::parse(path, directory), options, Keys::default(), said)?;
+    let area = RasterSpace::PixelIsArea;
+    let raster_space = unless_given(keys.raster_space(path), options, area, said)?;
+    let transform = transform(path, directory, options, raster_space, said);
+    let mut transform = unless_given(transform, options, None, said)?;
+    let system = keys.coordinate_system(path, said);
+    let system = unless_given(system, options, System::default(), said)?;
+    if system.degrees != 1.0 {
+        transform = transform.map(|t| t.map(|v| v * system.degrees));
     }
+    let heights = if options.metres_per_unit.is_some() { None } else { keys.vertical_unit(path, said)? };
+    Ok((Place { transform, epsg: system.epsg, definition: system.definition, raster_space }, heights))
 }
 
 fn transform(
@@ -65,21 +41,26 @@ fn transform(
     directory: &Directory<'_>,
     options: &ReadOptions,
     space: RasterSpace,
-    notes: &mut Vec<String>,
+    said: &mut Said,
 ) -> Result<Option<[f64; 6]>> {
     let wrong_count = |t: u16, n: usize, allowed: &str| {
-        Error::file(path, tag::name(t), format!("{n} numbers"), allowed.to_owned())
+        Error::file(
+            path,
+            tag::name(t),
+            format!("{n} numbers"),
+            format!("allowed: {allowed}; or give --cell-size M"),
+        )
     };
     // In the file's own raster coordinates.
     let [a, b, c, d, e, f] = if let Some(m) = directory.floats(tag::MODEL_TRANSFORMATION)? {
         if m.len() != 16 {
-            return Err(wrong_count(tag::MODEL_TRANSFORMATION, m.len(), "allowed: 16"));
+            return Err(wrong_count(tag::MODEL_TRANSFORMATION, m.len(), "16"));
         }
         [m[0], m[1], m[3], m[4], m[5], m[7]]
     } else {
         let ties = directory.floats(tag::MODEL_TIEPOINT)?.unwrap_or_default();
         if ties.len() % 6 != 0 {
-            return Err(wrong_count(tag::MODEL_TIEPOINT, ties.len(), "allowed: six for each tiepoint"));
+            return Err(wrong_count(tag::MODEL_TIEPOINT, ties.len(), "six for each tiepoint"));
         }
         let Some(scale) = directory.floats(tag::MODEL_PIXEL_SCALE)? else {
             if ties.len() > 6 && options.cell_size.is_none() {
@@ -87,20 +68,20 @@ fn transform(
                     path,
                     "georeference",
                     format!("{} ground control points", ties.len() / 6),
-                    "allowed: a pixel scale with a tiepoint, or a transformation; or give the cell size",
+                    "allowed: a pixel scale with a tiepoint, or a transformation; or give --cell-size M",
                 ));
             }
             return Ok(None);
         };
         let [sx, sy, ..] = scale[..] else {
-            return Err(wrong_count(tag::MODEL_PIXEL_SCALE, scale.len(), "allowed: 2 or 3"));
+            return Err(wrong_count(tag::MODEL_PIXEL_SCALE, scale.len(), "2 or 3"));
         };
         if sx <= 0.0 || sy <= 0.0 {
-            let size = format!("{sx} x {sy}");
-            return Err(Error::file(path, "ModelPixelScale", size, "allowed: positive numbers"));
+            let allowed = "allowed: positive numbers; or give --cell-size M";
+            return Err(Error::file(path, "ModelPixelScale", format!("{sx} x {sy}"), allowed));
         }
         if ties.is_empty() {
-            notes.push("a pixel scale without a tiepoint: placed at the origin".to_owned());
+            said.notes.push("a pixel scale without a tiepoint: placed at the origin".to_owned());
         }
         let [i, j, _, x, y, _] = ties.get(..6).and_then(|t| t.try_into().ok()).unwrap_or([0.0; 6]);
         [sx, 0.0, x - sx * i, 0.0, -sy, y + sy * j]
@@ -112,15 +93,32 @@ fn transform(
     Ok(Some([a, b, c - half * (a + b), d, e, f - half * (d + e)]))
 }
 
-/// The GeoKeys, each a short code or a double.
+/// The coordinate system of a file.
+struct System {
+    epsg: Option<u32>,
+    definition: Option<Crs>,
+    /// Degrees in an angular unit; 1 for other systems.
+    degrees: f64,
+}
+
+impl Default for System {
+    fn default() -> Self {
+        Self { epsg: None, definition: None, degrees: 1.0 }
+    }
+}
+
+/// The GeoKeys, each a short code, a double or a text.
+#[derive(Default)]
 struct Keys {
     shorts: Vec<(u16, u16)>,
     doubles: Vec<(u16, f64)>,
+    /// All texts of the file.
+    text: String,
 }
 
 impl Keys {
     fn parse(path: &Path, directory: &Directory<'_>) -> Result<Self> {
-        let mut keys = Self { shorts: Vec::new(), doubles: Vec::new() };
+        let mut keys = Self::default();
         let Some(raw) = directory.unsigned(tag::GEO_KEY_DIRECTORY)? else { return Ok(keys) };
         let found = raw.len();
         let wrong = |value: String| {
@@ -133,6 +131,7 @@ impl Keys {
             return Err(wrong(format!("{count} keys")));
         }
         let values = directory.floats(tag::GEO_DOUBLE_PARAMS)?.unwrap_or_default();
+        keys.text = directory.text(tag::GEO_ASCII_PARAMS)?.unwrap_or_default();
         for entry in entries.take(count as usize) {
             // A SHORT tag by specification; larger numbers from a LONG tag mean nothing.
             let (id, place, value) = (entry[0] as u16, entry[1], entry[3]);
@@ -162,14 +161,21 @@ impl Keys {
         self.code(key).filter(|&v| v != 0 && v != key::USER_DEFINED).map(u32::from)
     }
 
-    fn coordinate_system(
-        &self,
-        path: &Path,
-        notes: &mut Vec<String>,
-    ) -> Result<(Option<u32>, MapUnit, String)> {
+    fn raster_space(&self, path: &Path) -> Result<RasterSpace> {
+        match self.code(key::RASTER_TYPE) {
+            None | Some(key::PIXEL_IS_AREA) => Ok(RasterSpace::PixelIsArea),
+            Some(key::PIXEL_IS_POINT) => Ok(RasterSpace::PixelIsPoint),
+            Some(other) => {
+                let allowed = "allowed: 1 (pixel is area) or 2 (pixel is point); or give --cell-size M";
+                Err(Error::file(path, "GTRasterTypeGeoKey", other, allowed))
+            }
+        }
+    }
+
+    fn coordinate_system(&self, path: &Path, said: &mut Said) -> Result<System> {
         let model = match self.code(key::MODEL_TYPE) {
             Some(3) => {
-                let allowed = "allowed: 1 (projected) or 2 (geographic)";
+                let allowed = "allowed: 1 (projected) or 2 (geographic); or give --cell-size M";
                 return Err(Error::file(path, "GTModelTypeGeoKey", "3 (geocentric)", allowed));
             }
             Some(code @ (key::PROJECTED | key::GEOGRAPHIC)) => code,
@@ -177,38 +183,87 @@ impl Keys {
             _ if self.code(key::GEODETIC_CRS).is_some() => key::GEOGRAPHIC,
             _ => 0,
         };
-        let name = |epsg: Option<u32>| epsg.map_or("user-defined".to_owned(), |code| format!("EPSG:{code}"));
         if model == key::GEOGRAPHIC {
             let epsg = self.epsg(key::GEODETIC_CRS);
-            let unit = MapUnit::Degrees(self.degrees_per_unit(path)?, self.ellipsoid(path)?);
-            return Ok((epsg, unit, format!("{}, degrees", name(epsg))));
+            let definition = self.geographic(path, epsg)?;
+            return Ok(System { epsg, definition, degrees: self.degrees_per_unit(path)? });
         }
-        let epsg = self.epsg(key::PROJECTED_CRS);
-        if epsg.is_some_and(|code| WEB_MERCATOR.contains(&code)) {
-            let words = format!("{}, web mercator metres", name(epsg));
-            return Ok((epsg, MapUnit::WebMercator, words));
+        let stated =
+            self.linear_unit(path, key::LINEAR_UNITS, Some(key::LINEAR_UNIT_SIZE), "--cell-size M")?;
+        if model == 0 {
+            let definition = stated.map(Crs::local).transpose().map_err(|e| e.in_file(path))?;
+            return Ok(System { definition, ..System::default() });
         }
-        let stated = match self.code(key::LINEAR_UNITS) {
-            Some(key::USER_DEFINED) => self.double(key::LINEAR_UNIT_SIZE),
-            Some(code) => Some(linear_unit(path, "ProjLinearUnitsGeoKey", code)?),
-            None => None,
-        };
-        match (model, stated) {
-            (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Error::file(
-                path,
-                "ProjLinearUnitSizeGeoKey",
-                factor,
-                "allowed: a positive number of metres",
-            )),
-            (0, None) => Ok((None, MapUnit::Unstated, "local, metres".to_owned())),
-            (0, Some(factor)) => Ok((None, MapUnit::Metres(factor), format!("local, units of {factor} m"))),
-            (_, Some(factor)) => {
-                Ok((epsg, MapUnit::Metres(factor), format!("{}, units of {factor} m", name(epsg))))
+        let (epsg, definition) = self.projected(path, stated, said)?;
+        Ok(System { epsg, definition, degrees: 1.0 })
+    }
+
+    /// What must be said of a geographic system beside its code; nothing when the code says it all.
+    fn geographic(&self, path: &Path, epsg: Option<u32>) -> Result<Option<Crs>> {
+        let known = epsg.and_then(Crs::from_epsg).filter(|crs| crs.kind() == CrsKind::Geographic);
+        match known {
+            Some(_) => Ok(None),
+            None => Ok(Some(Crs::geographic(self.ellipsoid(path)?))),
+        }
+    }
+
+    /// Code and definition of a projected system.
+    fn projected(
+        &self,
+        path: &Path,
+        stated: Option<f64>,
+        said: &mut Said,
+    ) -> Result<(Option<u32>, Option<Crs>)> {
+        let mut epsg = self.epsg(key::PROJECTED_CRS);
+        // Esri's web mercator has the keys of an ellipsoidal one.
+        if epsg.is_none()
+            && ["Mercator_Auxiliary_Sphere", "Pseudo-Mercator"].iter().any(|n| self.text.contains(n))
+        {
+            epsg = Some(3857);
+        }
+        let known = epsg.and_then(Crs::from_epsg);
+        let of_code = known.and_then(|crs| crs.metres_per_unit());
+        match (epsg, of_code, stated) {
+            (Some(_), Some(_), None) => Ok((epsg, None)),
+            (Some(_), Some(own), Some(stated)) if (own / stated - 1.0).abs() < SAME_UNIT => Ok((epsg, None)),
+            (Some(code), Some(own), Some(stated)) => {
+                said.notes.push(format!(
+                    "EPSG:{code} is in units of {}, the file says {}: the file counts",
+                    unit_in_words(own),
+                    unit_in_words(stated)
+                ));
+                let crs = known.map(|crs| crs.with_metres_per_unit(stated)).transpose();
+                Ok((epsg, crs.map_err(|e| e.in_file(path))?))
             }
-            (_, None) => {
-                notes.push("the file states no linear unit: metres assumed".to_owned());
-                Ok((epsg, MapUnit::Metres(1.0), format!("{}, metres", name(epsg))))
+            (Some(code), None, Some(stated)) => {
+                said.notes.push(format!(
+                    "EPSG:{code} is not in the table of coordinate systems; the file states its unit: {}",
+                    unit_in_words(stated)
+                ));
+                Ok((epsg, Some(Crs::projected_in(stated).map_err(|e| e.in_file(path))?)))
             }
+            (Some(_), None, None) => Ok((epsg, None)),
+            (None, ..) => {
+                let metres = stated.unwrap_or_else(|| {
+                    said.notes.push("the file states no linear unit: metres assumed".to_owned());
+                    1.0
+                });
+                let code = self.code(key::PROJECTION).unwrap_or(0);
+                let crs = match projection::method(code, |key| self.double(key), metres) {
+                    Some(method) => Crs::projected(method, metres, &self.base(path)?),
+                    None => Crs::projected_in(metres),
+                };
+                Ok((None, Some(crs.map_err(|e| e.in_file(path))?)))
+            }
+        }
+    }
+
+    /// The geographic system below a projection that no code names.
+    fn base(&self, path: &Path) -> Result<Crs> {
+        let known = self.epsg(key::GEODETIC_CRS).and_then(Crs::from_epsg);
+        match known.filter(|crs| crs.kind() == CrsKind::Geographic) {
+            Some(crs) => Ok(crs),
+            None => Ok(Crs::geographic(self.ellipsoid(path)?)),
         }
     }
 
@@ -223,7 +278,7 @@ impl Keys {
                 path,
                 "GeogAngularUnitsGeoKey",
                 other,
-                "allowed: 9101 (radian), 9102 (degree), 9103 (minute), 9104 (second), 9105 (grad)",
+                "allowed: 9101 (radian), 9102 (degree), 9103 (minute), 9104 (second), 9105 (grad); or give --cell-size M",
             )),
         }
     }
@@ -238,29 +293,50 @@ impl Keys {
         };
         if !(semi_major > 0.0 && (0.0..0.5).contains(&flattening)) {
             let found = format!("semi-major axis {semi_major} m, flattening {flattening}");
-            return Err(Error::file(
-                path,
-                "ellipsoid",
-                found,
-                "allowed: a positive axis, flattening from 0 to 0.5",
-            ));
+            let allowed = "allowed: a positive axis, flattening from 0 to 0.5; or give --cell-size M";
+            return Err(Error::file(path, "ellipsoid", found, allowed));
         }
         Ok(Ellipsoid { semi_major, flattening })
     }
-}
 
-/// Metres in an EPSG linear unit.
-fn linear_unit(path: &Path, field: &str, code: u16) -> Result<f64> {
-    match code {
-        key::METRE => Ok(1.0),
-        9002 => Ok(0.3048),
-        9003 => Ok(1200.0 / 3937.0),
-        9036 => Ok(1000.0),
-        _ => Err(Error::file(
-            path,
-            field,
-            code,
-            "allowed: 9001 (metre), 9002 (foot), 9003 (US survey foot), 9036 (kilometre)",
-        )),
+    /// Metres in the linear unit that a key names, or the key beside it defines.
+    fn linear_unit(&self, path: &Path, key: u16, size: Option<u16>, option: &str) -> Result<Option<f64>> {
+        let Some(code) = self.code(key).filter(|code| *code != 0) else { return Ok(None) };
+        let metres = if code == key::USER_DEFINED {
+            size.and_then(|size| self.double(size))
+        } else {
+            linear_unit(code.into())
+        };
+        match metres {
+            Some(metres) if metres.is_finite() && metres > 0.0 => Ok(Some(metres)),
+            Some(metres) => {
+                let allowed = format!("allowed: a positive number of metres; or give {option}");
+                Err(Error::file(path, key::name(size.unwrap_or(key)), metres, allowed))
+            }
+            None if code == key::USER_DEFINED => Ok(None),
+            None => {
+                let allowed = format!(
+                    "allowed: the EPSG code of a unit of length, as 9001 (metre), 9002 (foot), 9003 (US survey foot); or give \
+                     {option}"
+                );
+                Err(Error::file(path, key::name(key), code, allowed))
+            }
+        }
+    }
+
+    /// Metres in a unit of the heights: the file's key, else that of the vertical system.
+    fn vertical_unit(&self, path: &Path, said: &mut Said) -> Result<Option<f64>> {
+        let stated = self.linear_unit(path, key::VERTICAL_UNITS, None, "--metres-per-unit M")?;
+        if stated.is_some() {
+            return Ok(stated);
+        }
+        let Some(code) = self.epsg(key::VERTICAL_CRS) else { return Ok(None) };
+        let metres = Crs::metres_per_height(code);
+        if metres.is_none() {
+            said.notes.push(format!(
+                "the vertical system EPSG:{code} is not in the table: heights are taken for metres (--metres-per-unit overrules)"
+            ));
+        }
+        Ok(metres)
     }
 }

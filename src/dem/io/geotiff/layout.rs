@@ -59,8 +59,11 @@ pub(super) struct Layout {
     pub(super) packing: Packing,
     /// Each band has strips or tiles of its own.
     pub(super) planar: bool,
+    /// Eight cells a byte, as masks have it; `numbers` are the bytes then.
+    pub(super) bits: bool,
     tiled: bool,
     chunk_rows: usize,
+    chunk_cols: usize,
     chunks_across: usize,
     pub(super) chunks_per_band: usize,
     offsets: Vec<u64>,
@@ -70,13 +73,22 @@ pub(super) struct Layout {
 impl Layout {
     /// Reads and checks the layout of `directory`, a part of a file of `file_length` bytes.
     pub(super) fn parse(path: &Path, directory: &Directory<'_>, file_length: u64) -> Result<Self> {
+        check_colours(path, directory)?;
+        Self::of_image(path, directory, file_length)
+    }
+
+    /// Like [`parse`](Self::parse), of an image that need not hold heights.
+    pub(super) fn of_image(path: &Path, directory: &Directory<'_>, file_length: u64) -> Result<Self> {
         let (height, width) = (directory.required(tag::HEIGHT)?, directory.required(tag::WIDTH)?);
         let (rows, cols) = check_size(path, height, width)?;
         let samples = directory.one(tag::SAMPLES_PER_PIXEL)?.unwrap_or(1);
         if !(1..=1024).contains(&samples) {
             return Err(Error::file(path, "SamplesPerPixel", samples, "allowed: 1 to 1024 bands"));
         }
-        let (kind, numbers) = number_type(path, directory)?;
+        let bits = directory.one(tag::BITS_PER_SAMPLE)?.unwrap_or(1) == 1
+            && directory.one(tag::PHOTOMETRIC)? == Some(4);
+        let (kind, numbers) =
+            if bits { (NumberKind::Unsigned, NumberType::U8) } else { number_type(path, directory)? };
         let method = compression(path, directory.one(tag::COMPRESSION)?.unwrap_or(1))?;
         let predictor = match (directory.one(tag::PREDICTOR)?.unwrap_or(1), kind) {
             (1, _) => Predictor::None,
@@ -90,7 +102,14 @@ impl Layout {
             2 => true,
             other => return Err(Error::file(path, "PlanarConfiguration", other, "allowed: 1 or 2")),
         };
-        check_colours(path, directory)?;
+        if bits && samples > 1 && !planar {
+            return Err(Error::file(
+                path,
+                "SamplesPerPixel",
+                samples,
+                "allowed with 1 bit: 1, or each band apart",
+            ));
+        }
         let tiled = directory.has(tag::TILE_OFFSETS);
         let (chunk_rows, chunk_cols) = if tiled {
             (directory.required(tag::TILE_LENGTH)?, directory.required(tag::TILE_WIDTH)?)
@@ -136,7 +155,7 @@ impl Layout {
             big_endian: directory.is_big_endian(),
             size: numbers.size(),
             samples: if planar { 1 } else { samples as usize },
-            cols: chunk_cols as usize,
+            cols: if bits { chunk_cols.div_ceil(8) as usize } else { chunk_cols as usize },
         };
         let layout = Self {
             rows,
@@ -145,8 +164,10 @@ impl Layout {
             numbers,
             packing,
             planar,
+            bits,
             tiled,
             chunk_rows: chunk_rows as usize,
+            chunk_cols: chunk_cols as usize,
             chunks_across: chunks_across as usize,
             chunks_per_band: chunks_per_band as usize,
             offsets,
@@ -214,18 +235,18 @@ impl Layout {
     /// Row and column of a chunk's first cell, by its number within a band.
     pub(super) fn chunk_origin(&self, chunk: usize) -> (usize, usize) {
         let (down, across) = (chunk / self.chunks_across, chunk % self.chunks_across);
-        (down * self.chunk_rows, across * self.packing.cols)
+        (down * self.chunk_rows, across * self.chunk_cols)
     }
 
     /// Rows and columns of the raster that a chunk covers, by its number within a band.
     pub(super) fn chunk_shape(&self, chunk: usize) -> (usize, usize) {
         let (row, col) = self.chunk_origin(chunk);
-        ((self.rows - row).min(self.chunk_rows), (self.cols - col).min(self.packing.cols))
+        ((self.rows - row).min(self.chunk_rows), (self.cols - col).min(self.chunk_cols))
     }
 
     /// The packing in words.
     pub(super) fn packing_words(&self) -> String {
-        let Packing { method, predictor, cols, .. } = self.packing;
+        let (Packing { method, predictor, .. }, cols) = (self.packing, self.chunk_cols);
         let plural = if self.chunks_per_band == 1 { "" } else { "s" };
         format!(
             "{}, predictor {}, {} {}{plural} of {cols}x{}",

@@ -7,7 +7,10 @@
 use super::directory::Directory;
 use super::tag;
 use crate::dem::CellSize;
-use crate::dem::io::ReadOptions;
+use crate::dem::io::place::{Said, unless_given};
+use crate::dem::io::samples::{is_no_nodata, nodata_number};
+use crate::dem::io::sidecars::named_unit;
+use crate::dem::io::{Nodata, ReadOptions};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -51,9 +54,12 @@ impl Metadata {
         directory: &Directory<'_>,
         band: usize,
         options: &ReadOptions,
+        said: &mut Said,
     ) -> Result<Self> {
-        let nodata = match directory.text(tag::GDAL_NODATA)? {
-            Some(text) if !text.trim().is_empty() => Some(number(path, "GDAL_NODATA", &text)?),
+        let nodata = match options.nodata {
+            Nodata::AsDeclared => {
+                declared(path, &directory.text(tag::GDAL_NODATA)?.unwrap_or_default(), said)?
+            }
             _ => None,
         };
         let mut found = Self { nodata, scale: 1.0, offset: 0.0, unit: None, cell_size: None };
@@ -62,7 +68,7 @@ impl Metadata {
             let Some((attributes, rest)) = item.split_once('>') else { continue };
             let value = rest.split('<').next().unwrap_or_default();
             if attribute(attributes, "name") == Some(CELL_SIZE_ITEM) {
-                found.cell_size = Some(cell_size(path, value)?);
+                found.cell_size = unless_given(cell_size(path, value).map(Some), options, None, said)?;
             }
             let sample = attribute(attributes, "sample").unwrap_or("0");
             if sample.parse() != Ok(band) {
@@ -72,7 +78,10 @@ impl Metadata {
                 Some("scale") => found.scale = finite(path, "GDAL_METADATA scale", value)?,
                 Some("offset") => found.offset = finite(path, "GDAL_METADATA offset", value)?,
                 Some("unittype") if options.metres_per_unit.is_none() => {
-                    found.unit = metres_in(path, value.trim())?;
+                    found.unit = match value.trim() {
+                        "" => None,
+                        name => Some(named_unit(path, name)?),
+                    };
                 }
                 _ => {}
             }
@@ -116,20 +125,18 @@ fn cell_size(path: &Path, text: &str) -> Result<RecordedCellSize> {
     }
 }
 
-/// Metres in the vertical unit that GDAL names.
-fn metres_in(path: &Path, unit: &str) -> Result<Option<f64>> {
-    match unit.to_ascii_lowercase().as_str() {
-        "" => Ok(None),
-        "m" | "metre" | "meter" | "metres" | "meters" => Ok(Some(1.0)),
-        "ft" | "foot" | "feet" | "international foot" => Ok(Some(0.3048)),
-        "us survey foot" | "us-ft" | "ftus" | "us_survey_foot" => Ok(Some(1200.0 / 3937.0)),
-        _ => Err(Error::file(
-            path,
-            "vertical unit",
-            format!("{unit:?}"),
-            "allowed: metre or foot; otherwise say how many metres per unit",
-        )),
+/// The nodata number that a text declares.
+fn declared(path: &Path, text: &str, said: &mut Said) -> Result<Option<f64>> {
+    if is_no_nodata(text) {
+        if !text.trim().is_empty() {
+            said.notes.push(format!("GDAL_NODATA is {text:?}: no number marks missing heights"));
+        }
+        return Ok(None);
     }
+    let allowed = "allowed: a number; or say it with --nodata";
+    nodata_number(text)
+        .map(Some)
+        .ok_or_else(|| Error::file(path, "GDAL_NODATA", format!("{text:?}"), allowed))
 }
 
 #[cfg(test)]
@@ -143,7 +150,7 @@ mod tests {
         assert_eq!(attribute(attributes, "role"), Some("scale"));
         assert_eq!(attribute(attributes, "domain"), None);
         let path = Path::new("x");
-        assert_eq!(metres_in(path, "ft").unwrap(), Some(0.3048));
-        assert!(metres_in(path, "fathom").unwrap_err().to_string().contains("fathom"));
+        assert_eq!(named_unit(path, "ft").unwrap(), 0.3048);
+        assert!(named_unit(path, "furlong").unwrap_err().to_string().contains("furlong"));
     }
 }

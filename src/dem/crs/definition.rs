@@ -1,0 +1,455 @@
+//! What a coordinate system is: kind, units, projection.
+
+use super::Ellipsoid;
+use super::units::{linear_unit, unit_in_words};
+use crate::error::{Error, Result};
+use proj_core::{
+    CrsDef, Datum, DatumToWgs84, GeographicCrsDef, LinearUnit, ProjectedCrsDef, ProjectionMethod,
+};
+
+/// What the coordinates of a system are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CrsKind {
+    /// Longitude and latitude in degrees.
+    Geographic,
+    /// East and north in a plane.
+    Projected,
+    /// Lengths whose place on the Earth nobody said.
+    Local,
+}
+
+/// A coordinate system, as far as sizes on the ground and files need it.
+#[derive(Clone, Copy, Debug)]
+pub struct Crs {
+    epsg: Option<u32>,
+    name: &'static str,
+    ellipsoid: Ellipsoid,
+    /// EPSG codes of the geographic system below and of its datum; 0 when unknown.
+    base: u32,
+    datum: u32,
+    map: Map,
+    vertical: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Map {
+    Geographic,
+    /// The projection, when it is one that can be undone; metres in a unit.
+    Projected(Option<ProjectionMethod>, f64),
+    Local(f64),
+}
+
+/// The same to whoever computes with them: names do not count.
+impl PartialEq for Crs {
+    fn eq(&self, other: &Self) -> bool {
+        let facts = |c: &Self| (c.epsg, c.ellipsoid, c.base, c.datum, c.map, c.vertical);
+        facts(self) == facts(other)
+    }
+}
+
+impl Crs {
+    /// The system of an EPSG code (3857, 26911; also a few codes of Esri's that files use like EPSG's, as 102100 and
+    /// 54004); `None` when the table does not have it.
+    #[must_use]
+    pub fn from_epsg(code: u32) -> Option<Self> {
+        let known = Self::of(&proj_core::lookup_epsg(same_as(code))?).ok()?;
+        Some(Self { epsg: Some(code), ..known })
+    }
+
+    /// The system that a text defines: WKT (1, 2, Esri's), a PROJ string, PROJJSON, `EPSG:26911`, `EPSG:26911+6360`, an OGC
+    /// URN. Where the projection is none of those that are known, its kind and its unit are taken from the WKT.
+    ///
+    /// # Errors
+    /// When the text is none of these, or is in degrees that are not counted from Greenwich.
+    pub fn parse(text: &str) -> Result<Self> {
+        let text = text.trim().trim_start_matches('\u{feff}').trim_start();
+        if let Some(code) =
+            text.to_ascii_uppercase().strip_prefix("EPSG:").and_then(|c| c.trim().parse().ok())
+        {
+            let unknown = || undefined(text, "the code is not in the table of coordinate systems");
+            return Self::from_epsg(code).ok_or_else(unknown);
+        }
+        match proj_wkt::parse_crs(text) {
+            Ok(definition) => Self::of(&definition),
+            Err(reason) => from_wkt_units(text).ok_or_else(|| undefined(text, &reason.to_string())),
+        }
+    }
+
+    /// Lengths in units of so many metres, at no known place.
+    ///
+    /// # Errors
+    /// When the number is not positive and finite.
+    pub fn local(metres: f64) -> Result<Self> {
+        positive(metres)?;
+        Ok(Self { map: Map::Local(metres), ..Self::UNKNOWN })
+    }
+
+    /// A projected system of a known projection, on the ellipsoid of `base`.
+    ///
+    /// # Errors
+    /// When the unit is not positive and finite.
+    pub(in crate::dem) fn projected(method: ProjectionMethod, metres: f64, base: &Self) -> Result<Self> {
+        positive(metres)?;
+        let Self { ellipsoid, datum, .. } = *base;
+        let base = base.epsg.unwrap_or(base.base);
+        Ok(Self { ellipsoid, datum, base, map: Map::Projected(Some(method), metres), ..Self::UNKNOWN })
+    }
+
+    /// Metres in a unit of the heights of a vertical system; `None` when the table does not have its EPSG code.
+    #[must_use]
+    pub fn metres_per_height(vertical_epsg: u32) -> Option<f64> {
+        proj_core::lookup_vertical_epsg(vertical_epsg).map(|v| v.linear_unit_to_meter())
+    }
+
+    /// A projected system of which nothing is known but its unit.
+    ///
+    /// # Errors
+    /// When the number is not positive and finite.
+    pub fn projected_in(metres: f64) -> Result<Self> {
+        positive(metres)?;
+        Ok(Self { map: Map::Projected(None, metres), ..Self::UNKNOWN })
+    }
+
+    /// Degrees on an ellipsoid that no code names, as the Moon's.
+    #[must_use]
+    pub fn geographic(ellipsoid: Ellipsoid) -> Self {
+        Self { ellipsoid, ..Self::UNKNOWN }
+    }
+
+    const UNKNOWN: Self = Self {
+        epsg: None,
+        name: "",
+        ellipsoid: Ellipsoid::WGS84,
+        base: 0,
+        datum: 0,
+        map: Map::Geographic,
+        vertical: None,
+    };
+
+    fn of(definition: &CrsDef) -> Result<Self> {
+        let Some(horizontal) = definition.horizontal_crs() else {
+            return Err(undefined(definition.name(), "it has no horizontal coordinates"));
+        };
+        let of_datum = |datum: &Datum| {
+            let shape = datum.ellipsoid();
+            (Ellipsoid { semi_major: shape.semi_major_axis(), flattening: shape.flattening() }, datum.epsg())
+        };
+        let (ellipsoid, datum) = of_datum(horizontal.datum());
+        let code = |code: u32| (code != 0).then_some(code);
+        let (map, base, name) = match (horizontal.as_projected(), horizontal.as_geographic()) {
+            (Some(p), _) => {
+                let map = Map::Projected(Some(p.method()), p.linear_unit_to_meter());
+                (map, p.base_geographic_crs_epsg(), p.name())
+            }
+            (None, Some(g)) => (Map::Geographic, g.epsg(), g.name()),
+            (None, None) => {
+                return Err(undefined(definition.name(), "it is neither geographic nor projected"));
+            }
+        };
+        Ok(Self {
+            epsg: code(horizontal.epsg()),
+            name,
+            ellipsoid,
+            base,
+            datum,
+            map,
+            vertical: definition.vertical_crs().map(|v| v.linear_unit_to_meter()),
+        })
+    }
+
+    /// What the coordinates are.
+    #[must_use]
+    pub fn kind(&self) -> CrsKind {
+        match self.map {
+            Map::Geographic => CrsKind::Geographic,
+            Map::Projected(..) => CrsKind::Projected,
+            Map::Local(_) => CrsKind::Local,
+        }
+    }
+
+    /// The code that names it.
+    #[must_use]
+    pub fn epsg(&self) -> Option<u32> {
+        self.epsg
+    }
+
+    /// EPSG code of the geographic system below it.
+    pub(in crate::dem) fn base_epsg(&self) -> Option<u32> {
+        (self.base != 0).then_some(self.base)
+    }
+
+    /// EPSG's name; empty for a system without a code.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Its ellipsoid; WGS 84 when it did not say.
+    #[must_use]
+    pub fn ellipsoid(&self) -> Ellipsoid {
+        self.ellipsoid
+    }
+
+    /// Metres in a unit of the coordinates; `None` for degrees.
+    #[must_use]
+    pub fn metres_per_unit(&self) -> Option<f64> {
+        match self.map {
+            Map::Geographic => None,
+            Map::Projected(_, metres) | Map::Local(metres) => Some(metres),
+        }
+    }
+
+    /// Metres in a unit of the heights, when it is a compound system that says so.
+    #[must_use]
+    pub fn vertical_metres_per_unit(&self) -> Option<f64> {
+        self.vertical
+    }
+
+    /// The same system with heights in units of so many metres, or of no stated unit.
+    #[must_use]
+    pub fn with_heights(self, metres: Option<f64>) -> Self {
+        Self { vertical: metres, ..self }
+    }
+
+    /// The same system with its lengths in another unit, and no code therefore.
+    ///
+    /// # Errors
+    /// When the number is not positive and finite.
+    pub fn with_metres_per_unit(self, metres: f64) -> Result<Self> {
+        positive(metres)?;
+        Ok(match self.map {
+            Map::Projected(_, old) if old == metres => self,
+            Map::Projected(method, _) => Self { epsg: None, map: Map::Projected(method, metres), ..self },
+            Map::Local(_) => Self { map: Map::Local(metres), ..self },
+            Map::Geographic => self,
+        })
+    }
+
+    /// In words: "EPSG:2227, US survey foot (0.3048006096 m)".
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let name = match (self.epsg, self.map) {
+            (Some(code), _) if self.name.is_empty() => format!("EPSG:{code}"),
+            (Some(code), _) => format!("EPSG:{code} ({})", self.name),
+            (None, Map::Local(_)) => "local".to_owned(),
+            (None, _) => "user-defined".to_owned(),
+        };
+        let unit = self.metres_per_unit().map_or_else(|| "degrees".to_owned(), unit_in_words);
+        format!("{name}, {unit}")
+    }
+
+    /// The definition as WKT, for files. A projection that is known by its unit only becomes a local system.
+    ///
+    /// # Errors
+    /// When it has no form as WKT.
+    pub fn wkt(&self) -> Result<String> {
+        if let Map::Local(metres) | Map::Projected(None, metres) = self.map {
+            return Ok(format!("LOCAL_CS[\"local\",UNIT[\"{}\",{metres}]]", unit_word(metres)));
+        }
+        let unwritable = |reason: &str| undefined(&self.in_words(), reason);
+        let definition = self.definition().ok_or_else(|| unwritable("its ellipsoid is impossible"))?;
+        proj_wkt::to_wkt(&definition).map_err(|e| unwritable(&e.to_string()))
+    }
+
+    /// Its projection, when it can be undone.
+    pub(in crate::dem) fn method(&self) -> Option<ProjectionMethod> {
+        match self.map {
+            Map::Projected(method, _) => method,
+            _ => None,
+        }
+    }
+
+    /// As the projection library has it.
+    pub(super) fn definition(&self) -> Option<CrsDef> {
+        let geographic = self.base_definition()?;
+        let datum = geographic.datum().clone();
+        match self.map {
+            Map::Geographic => Some(geographic),
+            Map::Projected(Some(method), metres) => {
+                let unit = LinearUnit::from_meters_per_unit(metres).ok()?;
+                let (code, base) = (self.epsg.unwrap_or(0), self.base);
+                let projected =
+                    ProjectedCrsDef::new_with_base_geographic_crs(code, base, datum, method, unit, self.name);
+                Some(CrsDef::Projected(projected))
+            }
+            Map::Projected(None, _) | Map::Local(_) => None,
+        }
+    }
+
+    /// The geographic system below the projection.
+    pub(super) fn base_definition(&self) -> Option<CrsDef> {
+        let Ellipsoid { semi_major, flattening } = self.ellipsoid;
+        let shape = proj_core::Ellipsoid::from_a_f(semi_major, flattening).ok()?;
+        let datum = Datum::new(shape, DatumToWgs84::Unknown).ok()?.with_epsg(self.datum);
+        Some(CrsDef::Geographic(GeographicCrsDef::new(self.base, datum, "")))
+    }
+}
+
+/// EPSG's own code for one of Esri's that files use like EPSG's.
+pub(in crate::dem) const fn same_as(code: u32) -> u32 {
+    match code {
+        900_913 | 3785 | 41_001 | 102_100 | 102_113 => 3857,
+        54_004 => 3395,
+        54_001 => 4087,
+        other => other,
+    }
+}
+
+fn positive(metres: f64) -> Result<()> {
+    if metres.is_finite() && metres > 0.0 {
+        return Ok(());
+    }
+    Err(Error::value("metres in a unit of the coordinates", metres, "allowed: positive and finite"))
+}
+
+fn undefined(text: &str, reason: &str) -> Error {
+    let shown: String = text.chars().take(60).collect();
+    let cut = if text.chars().count() > 60 { "..." } else { "" };
+    Error::value(
+        "coordinate system",
+        format!("{:?}{cut}", shown),
+        format!("not understood ({reason}); allowed: an EPSG code, WKT, or a PROJ string"),
+    )
+}
+
+fn unit_word(metres: f64) -> String {
+    if metres == 1.0 {
+        "metre".to_owned()
+    } else {
+        unit_in_words(metres).split(" (").next().unwrap_or("unit").to_owned()
+    }
+}
+
+/// Kind and unit of a WKT whose projection is not known: the last unit of length before the heights.
+fn from_wkt_units(text: &str) -> Option<Crs> {
+    let upper = text.to_ascii_uppercase();
+    let keyword = upper.split('[').next()?.trim();
+    let local = matches!(keyword, "LOCAL_CS" | "ENGCRS" | "ENGINEERINGCRS");
+    let compound = matches!(keyword, "COMPD_CS" | "COMPOUNDCRS");
+    let projected = ["PROJCS[", "PROJCRS[", "PROJECTEDCRS["].iter().any(|k| upper.contains(k));
+    if !(local || projected && (compound || upper.starts_with("PROJ") || upper.starts_with("BOUNDCRS"))) {
+        return None;
+    }
+    let heights = ["VERT_CS[", "VERTCRS[", "VERTICALCRS["].iter().filter_map(|k| upper.find(k)).min();
+    let (plane, heights) = upper.split_at(heights.unwrap_or(upper.len()));
+    let metres = last_unit(plane)?;
+    let vertical = last_unit(heights);
+    let crs = if local { Crs::local(metres) } else { Crs::projected_in(metres) };
+    Some(Crs { vertical, ..crs.ok()? })
+}
+
+/// Metres in the last unit of length in a piece of WKT, upper case.
+fn last_unit(wkt: &str) -> Option<f64> {
+    let lengths = wkt.rmatch_indices("UNIT[").filter(|(at, _)| {
+        let before = &wkt[..*at];
+        !(before.ends_with("ANGLE") || before.ends_with("SCALE") || before.ends_with("TIME"))
+    });
+    let (at, _) = lengths.into_iter().next()?;
+    let inside = wkt[at + "UNIT[".len()..].split(']').next()?;
+    // `"metre",1` or `"metre",1,AUTHORITY["EPSG","9001"`; a name may hold no comma.
+    let mut fields = inside.split(',');
+    let name = fields.next()?;
+    let number =
+        fields.next().and_then(|n| n.trim().parse::<f64>().ok()).filter(|m| m.is_finite() && *m > 0.0);
+    let code = inside.split("\"EPSG\",").nth(1).and_then(|c| c.trim_matches('"').parse().ok());
+    number
+        .or_else(|| code.and_then(linear_unit))
+        .or_else(|| super::vertical_unit(name.trim().trim_matches('"')))
+}
+
+impl serde::Serialize for Crs {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.wkt().map_err(serde::ser::Error::custom)?)
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for Crs {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
+        Self::parse(&text).map_err(serde::de::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SURVEY_FOOT: f64 = 1200.0 / 3937.0;
+
+    #[test]
+    fn kinds_and_units_by_code() {
+        let of = |code| Crs::from_epsg(code).unwrap();
+        assert_eq!((of(4326).kind(), of(4326).metres_per_unit()), (CrsKind::Geographic, None));
+        assert_eq!((of(32611).kind(), of(32611).metres_per_unit()), (CrsKind::Projected, Some(1.0)));
+        // California zone 3 in US feet, Arizona in international ones, Trinidad in Clarke's, Fiji in links of Sears 1922.
+        for (code, metres) in [(2227, SURVEY_FOOT), (2223, 0.3048), (2314, 0.304_797_265_4)] {
+            let found = of(code).metres_per_unit().unwrap();
+            assert!((found / metres - 1.0).abs() < 1e-9, "{code}: {found}");
+        }
+        assert_eq!((of(54_004).epsg(), of(900_913).epsg()), (Some(54_004), Some(900_913)));
+        assert_eq!(Crs::from_epsg(32_767), None);
+        assert_eq!(Crs::from_epsg(4978), None, "geocentric coordinates are no map");
+    }
+
+    #[test]
+    fn compound_systems_say_the_unit_of_heights() {
+        let crs = Crs::parse("EPSG:26911+6360").unwrap();
+        assert!((crs.vertical_metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
+        assert_eq!(crs.metres_per_unit(), Some(1.0));
+        assert_eq!(Crs::from_epsg(26911).unwrap().vertical_metres_per_unit(), None);
+    }
+
+    const ESRI: &str = r#"PROJCS["NAD_1983_StatePlane_California_III_FIPS_0403_Feet",GEOGCS["GCS_North_American_1983",
+        DATUM["D_North_American_1983",SPHEROID["GRS_1980",6378137.0,298.257222101]],PRIMEM["Greenwich",0.0],
+        UNIT["Degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic"],PARAMETER["False_Easting",6561666.666666666],
+        PARAMETER["False_Northing",1640416.666666667],PARAMETER["Central_Meridian",-120.5],
+        PARAMETER["Standard_Parallel_1",37.06666666666667],PARAMETER["Standard_Parallel_2",38.43333333333333],
+        PARAMETER["Latitude_Of_Origin",36.5],UNIT["Foot_US",0.3048006096012192]]"#;
+
+    #[test]
+    fn wkt_and_proj_strings_are_read_and_come_back() {
+        for text in [
+            ESRI,
+            "+proj=merc +lon_0=0 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m",
+            "+proj=lcc +lat_1=33 +lat_2=45 +lat_0=39 +lon_0=-96 +datum=NAD83 +units=us-ft",
+            "+proj=stere +lat_0=90 +lat_ts=70 +lon_0=-45 +datum=WGS84",
+            "+proj=longlat +R=1737400",
+            r#"LOCAL_CS["unnamed",UNIT["foot",0.3048,AUTHORITY["EPSG","9002"]]]"#,
+        ] {
+            let crs = Crs::parse(text).unwrap();
+            let wkt = crs.wkt().unwrap();
+            assert_eq!(Crs::parse(&wkt).unwrap(), crs, "{wkt}");
+        }
+        assert!((Crs::parse(ESRI).unwrap().metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
+        let moon = Crs::parse("+proj=longlat +R=1737400").unwrap();
+        assert_eq!(moon.ellipsoid(), Ellipsoid { semi_major: 1_737_400.0, flattening: 0.0 });
+    }
+
+    /// A projection that the library cannot undo: its unit counts all the same.
+    #[test]
+    fn the_unit_of_an_unknown_projection_is_read() {
+        let unknown = ESRI.replace("Lambert_Conformal_Conic", "Bonne");
+        let crs = Crs::parse(&unknown).unwrap();
+        assert_eq!((crs.kind(), crs.method()), (CrsKind::Projected, None));
+        assert!((crs.metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
+        let heights = format!(
+            r#"COMPD_CS["both",{unknown},VERT_CS["NAVD88 height (ft)",VERT_DATUM["NAVD88",2005],UNIT["foot",0.3048]]]"#
+        );
+        let both = Crs::parse(&heights).unwrap();
+        assert_eq!(both.vertical_metres_per_unit(), Some(0.3048));
+        assert!((both.metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_not_understood_is_said() {
+        for text in ["", "meters", "EPSG:1", "PROJCS[", "+proj=nothing", "GEOGCS[\"x\"]"] {
+            let message = Crs::parse(text).unwrap_err().to_string();
+            assert!(message.contains("coordinate system") && message.contains("allowed"), "{message}");
+        }
+        assert!(Crs::local(0.0).is_err() && Crs::projected_in(f64::NAN).is_err());
+        assert_eq!(
+            Crs::from_epsg(2227).unwrap().in_words(),
+            "EPSG:2227 (NAD83 / California zone 3 (ftUS)), US survey foot (0.3048006096 m)"
+        );
+    }
+}

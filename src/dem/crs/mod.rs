@@ -1,0 +1,18 @@
+//! Coordinate systems: what one unit of a map's coordinates is on the ground.
+//!
+//! In: an EPSG code, WKT, a PROJ string, or a [`Georeference`](super::Georeference) that has one of them. Out: a [`Crs`]
+//! with its kind and its units, and by [`Georeference::ground`](super::Georeference::ground) the size of cells on the ground.
+//! What is not known is `None` or a note, never a guess in silence. The table of EPSG codes and the projections are those of
+//! `proj-core` (`docs/decisions/0010-coordinate-systems.md`). Cost: microseconds.
+
+mod definition;
+mod ellipsoid;
+mod ground;
+mod units;
+
+pub(in crate::dem) use definition::same_as;
+pub use definition::{Crs, CrsKind};
+pub use ellipsoid::Ellipsoid;
+pub use ground::Ground;
+pub(in crate::dem) use units::unit_code;
+pub use units::{linear_unit, unit_in_words, vertical_unit};

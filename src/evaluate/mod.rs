@@ -1,0 +1,14 @@
+//! Systems against terrain that they have not seen: patches of a DEM, the lines of each, every system's terrain, scores.
+//!
+//! A DEM and systems by name -> [`evaluate`] -> an [`Evaluation`] -> [`aggregate`]. The protocol is that of Liu & Benes 2025, 7.2.
+
+mod patches;
+mod rebuild;
+mod summary;
+
+pub use patches::{PATCH, choose_exemplar, patch_cells};
+pub use rebuild::{
+    Evaluation, EvaluationConfig, Patch, PatchScore, Rebuilt, Reduction, evaluate, evaluate_reduced,
+    patch_seed,
+};
+pub use summary::{SystemSummary, aggregate, to_csv};

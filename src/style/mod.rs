@@ -1,0 +1,149 @@
+//! A style: what was learned from one piece of terrain, and what is made with it. The only room that knows every system.
+//!
+//! [`Source`] -> [`learn`] -> [`Style`] -> one `.safetensors` file. A style holds any number of coarse systems, which turn lines
+//! into terrain, and at most one model of detail, which adds what lines leave open; each of them keeps the promise of
+//! [`Part`](crate::systems::task::Part) and is known by name to a [`Registry`].
+
+mod config;
+mod detail;
+mod file;
+mod learn;
+mod learned;
+mod registry;
+mod unseen;
+mod uses;
+mod version1;
+
+pub use crate::systems::gpnn::check_shape as check_patches;
+pub use crate::systems::region_gnn::{
+    GenerationConfig, LossValues, Preset, RegionGraph, RegionNetwork, RegionNetworkConfig, TrainingSummary,
+};
+pub use crate::systems::singan::DetailConfig as GeneratorConfig;
+pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
+pub use config::{StyleConfig, generators, overlaid, overlay};
+pub use detail::{add_detail, amplify};
+pub use file::KEY;
+pub use learn::{learn_coarse, learn_detail};
+pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, Stored, SystemPlan, detail_plan, system_plan};
+pub use registry::{Named, Registry};
+pub use unseen::{has_unseen, unseen_surface};
+pub use uses::{names, suffix};
+
+use crate::control::Stop;
+use crate::dem::{Dem, Normalization};
+use crate::error::{Error, Result};
+use crate::extract::ExtractionConfig;
+use crate::grid::Grid;
+use crate::seed::Seed;
+use crate::sketch::LineMap;
+use serde::{Deserialize, Serialize};
+use std::any::Any;
+use std::sync::Arc;
+
+/// Where a style comes from, and what its parts have in common.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Origin {
+    /// Seed of the training.
+    pub seed: Seed,
+    /// Metres of the unit interval: the exemplar's range.
+    pub normalization: Normalization,
+    /// The exemplar.
+    pub exemplar: ExemplarInfo,
+    /// Mean slope of the exemplar, unit heights a cell; absent in styles of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_slope: Option<f64>,
+    /// How its lines were found.
+    pub extraction: ExtractionConfig,
+}
+
+/// A trained style.
+#[derive(Clone, Debug)]
+pub struct Style {
+    /// Where it comes from.
+    pub origin: Origin,
+    /// The coarse systems, at least one; the first is the one that is used unless another is asked for.
+    pub coarse: Vec<Arc<dyn LearnedSystem>>,
+    /// The model of detail.
+    pub detail: Option<Arc<dyn LearnedDetail>>,
+    /// The exemplar's terrain and what lies around it, for the parts that need it; metres.
+    pub terrain: Option<Arc<Dem>>,
+}
+
+impl Style {
+    /// The coarse system of a type, when the style has it.
+    #[must_use]
+    pub fn system<S: Any>(&self) -> Option<&S> {
+        self.coarse.iter().find_map(|system| {
+            let any: &dyn Any = &**system;
+            any.downcast_ref()
+        })
+    }
+
+    /// The region network.
+    ///
+    /// # Errors
+    /// When the style has none.
+    pub fn network(&self) -> Result<&RegionNetwork> {
+        self.system().ok_or_else(|| {
+            let names: Vec<&str> = self.coarse.iter().map(|system| system.name()).collect();
+            Error::value("systems of the style", names.join(", "), "a region network (gnn) is needed here")
+        })
+    }
+
+    /// The same style, its network with other settings of generation.
+    ///
+    /// # Errors
+    /// When they are out of range or do not go with the network.
+    pub fn with_generation(mut self, generation: &GenerationConfig) -> Result<Self> {
+        for system in &mut self.coarse {
+            let any: &dyn Any = &**system;
+            if let Some(network) = any.downcast_ref::<RegionNetwork>() {
+                *system = Arc::new(network.with_generation(generation.clone())?);
+            }
+        }
+        Ok(self)
+    }
+
+    /// The settings that extraction and network have; those of `Default` for a network that is not there.
+    #[must_use]
+    pub fn config(&self) -> StyleConfig {
+        use crate::systems::task::Part;
+        let network =
+            self.system::<RegionNetwork>().map(|network| network.config().clone()).unwrap_or_default();
+        let RegionNetworkConfig { model, generation } = network;
+        StyleConfig { extraction: self.origin.extraction.clone(), model, generation }
+    }
+
+    /// The model of detail, where a style without one is a mistake.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn needed_detail(&self) -> Result<&Arc<dyn LearnedDetail>> {
+        let allowed = "train the style again without --no-detail";
+        self.detail.as_ref().ok_or_else(|| Error::value("detail of the style", "none", allowed))
+    }
+
+    /// Terrain in metres for lines in metres, by the first coarse system. `range`: the elevations that stand for the exemplar's
+    /// lowest and highest height; none takes the exemplar's own.
+    ///
+    /// The lines are taken as drawn by a hand ([`draw`](crate::systems::task::SketchToTerrain::draw)). Evaluations, where heights
+    /// on lines are real, take the systems of [`uses`](Self::uses).
+    ///
+    /// # Errors
+    /// When there is no line, or the work is stopped.
+    pub fn generate(
+        &self,
+        lines: &LineMap,
+        range: Option<Normalization>,
+        seed: Seed,
+        stop: &Stop,
+    ) -> Result<Grid<f32>> {
+        let range = range.unwrap_or(self.origin.normalization);
+        let unit = lines.map_heights(|z| range.to_unit(f64::from(z)) as f32);
+        let Some(system) = self.coarse.first() else {
+            return Err(Error::value("number of systems of the style", 0, "at least one is needed"));
+        };
+        let terrain = system.draw(&unit, seed, stop)?;
+        Ok(terrain.map(|&z| range.to_metres(f64::from(z)) as f32))
+    }
+}
