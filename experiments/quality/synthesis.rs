@@ -8,11 +8,12 @@
 //! the configuration, with the keys of tables and the numbers of levels joined by dots: `quilting.radius=6 levels.0.rounds=2`.
 #![allow(clippy::print_stdout, reason = "an experiment prints")]
 
+use monadnock::control::Stop;
 use monadnock::dem::Dem;
 use monadnock::dem::io::{self, ReadOptions};
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
-use monadnock::systems::synthesis::{Exemplar, SynthesisConfig};
+use monadnock::systems::synthesis::{Synthesis, SynthesisConfig};
 use monadnock::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
@@ -33,8 +34,9 @@ fn main() -> Result<()> {
             None => return Err(Error::value("argument", arg, "allowed: FIELD=VALUE")),
         }
     }
-    let config: SynthesisConfig =
-        fields.try_into().map_err(|e| Error::value("configuration", e, "see the fields of SynthesisConfig"))?;
+    let config: SynthesisConfig = fields
+        .try_into()
+        .map_err(|e| Error::value("configuration", e, "see the fields of SynthesisConfig"))?;
     let mut names: Vec<String> = names.unwrap_or_else(|| {
         std::fs::read_dir(cases)
             .expect("a folder of cases")
@@ -79,19 +81,19 @@ fn one(name: &str, case: &Path, out: &Path, config: &SynthesisConfig, seed: Seed
     let lines = lines.sketch.rasterize();
     let timed = |since: Instant| since.elapsed().as_secs_f64();
     let start = Instant::now();
-    let exemplar = Exemplar::new(&dem, config)?;
+    let synthesis = Synthesis::new(&dem, config)?;
     let prepared = timed(start);
     let start = Instant::now();
-    let made = exemplar.generate(&lines, seed)?;
+    let made = synthesis.synthesize(&lines, seed, &Stop::new())?;
     let first = timed(start);
     let start = Instant::now();
-    exemplar.generate(&lines, seed)?;
+    synthesis.synthesize(&lines, seed, &Stop::new())?;
     let again = timed(start);
     let (before, after) = made.pits;
-    let turned: Vec<String> = exemplar.symmetries().turned[1..].iter().map(|t| format!("{t:.2}")).collect();
+    let turned: Vec<String> = synthesis.symmetries().turned[1..].iter().map(|t| format!("{t:.2}")).collect();
     println!(
         "{name:20} {prepared:7.2} {first:6.2} {again:6.2} {before:7.4} {after:7.4} {:?} {}",
-        exemplar.symmetries().used,
+        synthesis.symmetries().used,
         turned.join(" ")
     );
     io::write(&Dem::new(made.heights, dem.cell_size())?, out, &io::WriteOptions::default())

@@ -45,7 +45,12 @@ impl MainLinesConfig {
         let check = |ok: bool, name: &str, value: &dyn std::fmt::Display, allowed: &str| {
             if ok { Ok(()) } else { Err(Error::value(format!("main_lines.{name}"), value, allowed)) }
         };
-        check((0.0..=100.0).contains(&self.smoothing), "smoothing", &self.smoothing, "allowed: 0 to 100 cells")?;
+        check(
+            (0.0..=100.0).contains(&self.smoothing),
+            "smoothing",
+            &self.smoothing,
+            "allowed: 0 to 100 cells",
+        )?;
         check(self.share > 0.0 && self.share <= 1.0, "share", &self.share, "allowed: above 0 to 1")?;
         check(self.min_length >= 2, "min_length", &self.min_length, "allowed: at least 2 cells")?;
         check(
@@ -162,7 +167,8 @@ impl Pen<'_> {
         let mut vertices = Vec::new();
         for [x, y] in simplified(&kept, self.config.tolerance) {
             let mut moved = |v: f64, side: usize| {
-                (v + self.config.jitter * stream.sample::<f64, _>(StandardNormal)).clamp(0.0, (side - 1) as f64)
+                (v + self.config.jitter * stream.sample::<f64, _>(StandardNormal))
+                    .clamp(0.0, (side - 1) as f64)
             };
             let (x, y) = (moved(x, cols), moved(y, rows));
             // A vertex that jitter puts into a void has no height there.
@@ -245,7 +251,10 @@ mod tests {
         assert!(low.y > 85.0 && (low.x - 48.0).abs() < 2.0, "{low:?}");
         assert!(low.z < high.z && high.y < 30.0, "{high:?}");
         for stroke in lines.ridges.iter().chain(&lines.valleys) {
-            assert!(stroke.vertices.iter().all(|v| v.z > -10.0 && v.z < 300.0), "heights are those of the map");
+            assert!(
+                stroke.vertices.iter().all(|v| v.z > -10.0 && v.z < 300.0),
+                "heights are those of the map"
+            );
         }
         let again = MainLines::of(&heights, &valid, &config, 3, Seed(2)).unwrap();
         assert_eq!(lines, again, "without jitter no seed counts");

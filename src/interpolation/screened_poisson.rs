@@ -166,15 +166,13 @@ mod tests {
             let mut slope = weights[c] * (z - targets[c]);
             let at = |row: usize, col: usize| found[Cell::new(row, col)];
             if c.col > 0 {
-                slope +=
-                    z - at(c.row, c.col - 1) - f64::from(gradients.east[Cell::new(c.row, c.col - 1)]);
+                slope += z - at(c.row, c.col - 1) - f64::from(gradients.east[Cell::new(c.row, c.col - 1)]);
             }
             if c.col + 1 < cols {
                 slope -= at(c.row, c.col + 1) - z - f64::from(gradients.east[c]);
             }
             if c.row > 0 {
-                slope +=
-                    z - at(c.row - 1, c.col) - f64::from(gradients.south[Cell::new(c.row - 1, c.col)]);
+                slope += z - at(c.row - 1, c.col) - f64::from(gradients.south[Cell::new(c.row - 1, c.col)]);
             }
             if c.row + 1 < rows {
                 slope -= at(c.row + 1, c.col) - z - f64::from(gradients.south[c]);

@@ -23,11 +23,7 @@ impl<T: Real> RasterOperator<T> {
         let narrow = |plane: &Plane<T>| {
             Plane::from_fn(plane.rows(), plane.cols(), |row, col| plane.row(row)[col].wide() as f32)
         };
-        RasterOperator {
-            energy: self.energy,
-            free: narrow(&self.free),
-            held: self.held.as_ref().map(narrow),
-        }
+        RasterOperator { energy: self.energy, free: narrow(&self.free), held: self.held.as_ref().map(narrow) }
     }
 
     pub(super) const fn shape(&self) -> (usize, usize) {

@@ -69,7 +69,11 @@ impl Held {
     ///
     /// # Errors
     /// When the residual does not fall to the tolerance.
-    pub(in crate::interpolation) fn solve(&mut self, x: &mut Grid<f64>, right_side: &Grid<f64>) -> Result<()> {
+    pub(in crate::interpolation) fn solve(
+        &mut self,
+        x: &mut Grid<f64>,
+        right_side: &Grid<f64>,
+    ) -> Result<()> {
         let (rows, cols) = x.shape();
         let plane = |grid: &Grid<f64>| {
             let values = grid.as_slice();

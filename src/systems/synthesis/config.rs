@@ -94,9 +94,6 @@ pub struct SynthesisConfig {
     pub line_length: f64,
     /// Most lines of a kind on 256x256 cells of a self-sketch.
     pub most_lines: usize,
-    /// Whether strokes say at coarse sizes what the exemplar's ground is around its own (a line fitted for each kind), or are only
-    /// raised or lowered by what it is above them in the mean.
-    pub fitted_strokes: bool,
     /// Strokes are displaced by a smooth random field of this root mean square inside the synthesis, cells.
     pub warp: f64,
     /// Forms larger than this are the landscape model's where the surface is screened, cells.
@@ -153,11 +150,10 @@ impl Default for SynthesisConfig {
             floor: 0.3,
             usage: 0.1,
             vote_scale: 0.3,
-            stretch: [1.0, 1.25],
+            stretch: [1.0, 2.0],
             self_sketches: 2,
             line_length: 140.0,
             most_lines: 12,
-            fitted_strokes: false,
             warp: 0.7,
             cut: 48.0,
             most_gain: 1.3,

@@ -33,7 +33,7 @@ const TILE: f64 = 256.0;
 const TILING: f64 = 0.25;
 
 /// A DEM whose patches make terrain. Everything in it follows from the heights and the configuration.
-pub struct Exemplar {
+pub struct Synthesis {
     config: SynthesisConfig,
     cell: f64,
     /// (rows, columns) of the DEM that was given.
@@ -41,12 +41,21 @@ pub struct Exemplar {
     /// Subtracted from all heights inside.
     datum: f64,
     levels: Vec<Level>,
-    /// For each self-sketch and tile: the north-west cell, the size, and the main lines.
-    tilings: Vec<Vec<(Cell, (usize, usize), MainLines)>>,
+    /// For each self-sketch.
+    tilings: Vec<Vec<Tile>>,
     symmetries: Symmetries,
     landscape: LandscapeFit,
     /// Drawings that have been asked for, by density.
     drawn: Mutex<BTreeMap<[usize; 2], Arc<Drawn>>>,
+}
+
+/// A part of the exemplar and its main lines.
+struct Tile {
+    /// Its north-west cell.
+    origin: Cell,
+    /// (rows, columns).
+    size: (usize, usize),
+    lines: MainLines,
 }
 
 /// The exemplar at one size.
@@ -67,27 +76,8 @@ pub(super) struct Level {
 /// The drawings of the exemplar of one density.
 pub(super) struct Drawn {
     pub(super) sketches: Vec<SelfSketch>,
-    /// The ground at each size from the height of the ridge or valley there.
-    pub(super) ground: Vec<[Line; 2]>,
-}
-
-/// y = offset + slope x.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Line {
-    pub(super) offset: f32,
-    pub(super) slope: f32,
-}
-
-impl Line {
-    /// The line nearest to the pairs (x, y), with the slope 1 unless it is `fitted`.
-    fn through(pairs: &[(f64, f64)], fitted: bool) -> Self {
-        let n = pairs.len().max(1) as f64;
-        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / n;
-        let (x, y) = (mean(&|p| p.0), mean(&|p| p.1));
-        let (square, product) = (mean(&|p| (p.0 - x).powi(2)), mean(&|p| (p.0 - x) * (p.1 - y)));
-        let slope = if fitted && square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 1.0 };
-        Self { offset: (y - slope * x) as f32, slope: slope as f32 }
-    }
+    /// How much higher the ground is than its ridges and valleys, at each size.
+    pub(super) above: Vec<[f32; 2]>,
 }
 
 /// What a drawing of the exemplar by its own main lines says at each size: the A of the analogy, whose A' is the exemplar.
@@ -103,7 +93,7 @@ pub(super) struct SketchLevel {
     pub(super) strokes: Option<[(Grid<f32>, Channel); 2]>,
 }
 
-impl Exemplar {
+impl Synthesis {
     /// Prepares a DEM of square cells.
     ///
     /// # Errors
@@ -135,8 +125,9 @@ impl Exemplar {
         let heights = filled(dem, datum)?;
         let mut levels = levels(&heights, dem.valid(), &config)?;
         // Voids may leave no room for the quilting's patches where they are large.
-        let has_room =
-            |level: &Level| Centres::new(&level.valid, config.quilting.radius).is_some_and(|c| c.list().len() >= ROOM * ROOM);
+        let has_room = |level: &Level| {
+            Centres::new(&level.valid, config.quilting.radius).is_some_and(|c| c.list().len() >= ROOM * ROOM)
+        };
         while levels.len() > 1 && !levels.last().is_some_and(has_room) {
             levels.pop();
         }
@@ -179,7 +170,8 @@ impl Exemplar {
         let (rows, cols) = (side(dem.shape().0), side(dem.shape().1));
         let heights = resample(&filled(dem, 0.0)?, rows, cols);
         // A cell is known when all that it is made from is.
-        let known = resample(&dem.valid().map(|ok| f32::from(u8::from(*ok))), rows, cols).map(|share| *share > 0.999);
+        let known =
+            resample(&dem.valid().map(|ok| f32::from(u8::from(*ok))), rows, cols).map(|share| *share > 0.999);
         let resized = Dem::with_voids(heights, known, CellSize::square(cell)?)?;
         Ok(Self { own_shape: dem.shape(), ..Self::new(&resized, config)? })
     }
@@ -187,7 +179,10 @@ impl Exemplar {
     /// The cell of the DEM that was given at a place of the prepared one.
     pub(super) fn own_cell(&self, cell: Cell) -> Cell {
         let (rows, cols) = self.shape();
-        Cell::new((2 * cell.row + 1) * self.own_shape.0 / (2 * rows), (2 * cell.col + 1) * self.own_shape.1 / (2 * cols))
+        Cell::new(
+            (2 * cell.row + 1) * self.own_shape.0 / (2 * rows),
+            (2 * cell.col + 1) * self.own_shape.1 / (2 * cols),
+        )
     }
 
     /// What it was prepared with; fewer sizes than asked where the exemplar is small.
@@ -249,14 +244,9 @@ impl Exemplar {
     }
 
     /// Main lines of the tiles of the `k`-th self-sketch.
-    fn tiling(
-        &self,
-        heights: &Grid<f32>,
-        valid: &Mask,
-        k: usize,
-    ) -> Result<Vec<(Cell, (usize, usize), MainLines)>> {
+    fn tiling(&self, heights: &Grid<f32>, valid: &Mask, k: usize) -> Result<Vec<Tile>> {
         let (rows, cols) = heights.shape();
-        let shift = if k % 2 == 0 { -TILING } else { TILING };
+        let shift = if k.is_multiple_of(2) { -TILING } else { TILING };
         let parts = |side: usize| ((side as f64 / TILE + shift).round() as usize).max(1);
         let edges = |side: usize| -> Vec<usize> {
             let n = parts(side);
@@ -281,7 +271,7 @@ impl Exemplar {
                 let most = self.lines_of_tile(self.config.most_lines, size);
                 let config = MainLinesConfig::default();
                 let lines = MainLines::of(&part, &ok, &config, most, seed.derive_indexed("tile", i))?;
-                Ok((origin, size, lines))
+                Ok(Tile { origin, size, lines })
             })
             .collect()
     }
@@ -295,9 +285,9 @@ impl Exemplar {
     /// The lines of the self-sketches with so many ridges and valleys on 256x256 cells.
     fn self_lines(&self, [ridges, valleys]: [usize; 2]) -> Vec<LineMap> {
         let (rows, cols) = self.shape();
-        let draw = |tiles: &Vec<(Cell, (usize, usize), MainLines)>| {
+        let draw = |tiles: &Vec<Tile>| {
             let mut strokes: Vec<Stroke> = Vec::new();
-            for (origin, size, lines) in tiles {
+            for Tile { origin, size, lines } in tiles {
                 for (own, count) in [(&lines.ridges, ridges), (&lines.valleys, valleys)] {
                     for stroke in own.iter().take(self.lines_of_tile(count, *size)) {
                         let mut stroke = stroke.clone();
@@ -329,20 +319,24 @@ impl Exemplar {
 
     fn draw(&self, density: [usize; 2]) -> Result<Drawn> {
         let lines = self.self_lines(density);
-        let sketches: Vec<SelfSketch> =
-            lines.into_par_iter().enumerate().map(|(k, lines)| self.sketch(lines, k)).collect::<Result<_>>()?;
-        let ground = |l: usize| {
+        let sketches: Vec<SelfSketch> = lines
+            .into_par_iter()
+            .enumerate()
+            .map(|(k, lines)| self.sketch(lines, k))
+            .collect::<Result<_>>()?;
+        let above = |l: usize| {
             let level = &self.levels[l];
-            let mut pairs = [Vec::new(), Vec::new()];
+            let mut sums = [(0.0f64, 0u32); 2];
             for sketch in &sketches {
                 for (cell, z, kind) in LevelStrokes::new(&sketch.lines, 1 << l, level.heights.shape()).cells {
-                    pairs[kind].push((f64::from(z), f64::from(level.heights[cell])));
+                    sums[kind].0 += f64::from(level.heights[cell] - z);
+                    sums[kind].1 += 1;
                 }
             }
-            pairs.map(|pairs| Line::through(&pairs, self.config.fitted_strokes))
+            sums.map(|(sum, count)| (sum / f64::from(count.max(1))) as f32)
         };
-        let ground = (0..self.levels.len()).map(ground).collect();
-        Ok(Drawn { sketches, ground })
+        let above = (0..self.levels.len()).map(above).collect();
+        Ok(Drawn { sketches, above })
     }
 
     fn sketch(&self, lines: LineMap, k: usize) -> Result<SelfSketch> {

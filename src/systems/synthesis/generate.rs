@@ -3,7 +3,7 @@
 //! The coarsest size is quilted; from there on every size alternates between a search for the best patches around every cell and
 //! a surface that has the gradients for which they vote (an E and an M step; Kwatra et al. 2005), and hands its pieces on to the next.
 
-use super::exemplar::{Drawn, Exemplar, Level, membranes};
+use super::exemplar::{Drawn, Level, Synthesis, membranes};
 use super::patch::{Asked, Given, Set, Weights};
 use super::provenance::Provenance;
 use super::quilting::{Ground, Wanted, quilt};
@@ -11,6 +11,7 @@ use super::search::{Field, Search};
 use super::source::{Source, usage};
 use super::strokes::{LevelStrokes, density, displaced};
 use super::votes::votes;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::pyramid::doubled;
 use crate::grid::{Cell, Grid, gaussian};
@@ -41,13 +42,13 @@ pub struct Synthesized {
     pub pits: (f64, f64),
 }
 
-impl Exemplar {
+impl Synthesis {
     /// Terrain through `lines`, on cells as large as the exemplar's, in its unit of heights. Each seed gives another layout between
     /// the strokes; the same seed the same bytes on any number of threads.
     ///
     /// # Errors
-    /// When no cell is drawn, or the map has more than 2^26 cells.
-    pub fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Synthesized> {
+    /// When no cell is drawn, the map has more than 2^26 cells, or it is stopped.
+    pub fn synthesize(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Synthesized> {
         const MOST_CELLS: usize = 1 << 26;
         let (rows, cols) = lines.shape();
         if lines.line_count() == 0 {
@@ -57,17 +58,20 @@ impl Exemplar {
             let allowed = format!("the synthesis makes at most {MOST_CELLS} cells");
             return Err(Error::value("cells of the map", format!("{rows}x{cols}"), allowed));
         }
-        let made = Synthesis::new(self, lines, seed)?.run()?;
+        let made = Run::new(self, lines, seed, stop)?.run()?;
         let datum = self.datum();
         let map = made.heights.crop(Cell::new(0, 0), rows, cols)?.map(|z| (f64::from(*z) + datum) as f32);
+        stop.check()?;
         let pinned = landscape::pin(&map, lines)?;
         let pit_share = self.landscape().pit_share.max(LEAST_PITS);
         let drained = landscape::breach(&pinned, lines, &BreachConfig { pit_share, ..Default::default() })?;
         Ok(Synthesized {
             heights: drained.heights,
-            provenance: Provenance::new(&made.field.sources.crop(Cell::new(0, 0), rows, cols)?, lines, |cell| {
-                self.own_cell(cell)
-            }),
+            provenance: Provenance::new(
+                &made.field.sources.crop(Cell::new(0, 0), rows, cols)?,
+                lines,
+                |cell| self.own_cell(cell),
+            ),
             has_landscape: made.landscape.is_some(),
             pits: (drained.pits_before, drained.pits_after),
         })
@@ -75,8 +79,8 @@ impl Exemplar {
 }
 
 /// One synthesis on its way. Heights are without the exemplar's datum; the map is continued to whole cells of the coarsest size.
-struct Synthesis<'a> {
-    exemplar: &'a Exemplar,
+struct Run<'a> {
+    exemplar: &'a Synthesis,
     drawn: Arc<Drawn>,
     /// Number of sizes.
     levels: usize,
@@ -91,10 +95,11 @@ struct Synthesis<'a> {
     heights: Grid<f32>,
     field: Field,
     seed: Seed,
+    stop: Stop,
 }
 
-impl<'a> Synthesis<'a> {
-    fn new(exemplar: &'a Exemplar, lines: &LineMap, seed: Seed) -> Result<Self> {
+impl<'a> Run<'a> {
+    fn new(exemplar: &'a Synthesis, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Self> {
         let config = exemplar.config();
         let levels = exemplar.levels_for(lines.shape());
         let whole = |side: usize| side.next_multiple_of(1 << (levels - 1));
@@ -114,9 +119,7 @@ impl<'a> Synthesis<'a> {
             let (fit, cell) = (exemplar.landscape(), exemplar.cell());
             let found =
                 landscape::solve(fit, &continued, cell, &LandscapeConfig::guide(), seed.derive("guide"))?;
-            let level = |l: usize| {
-                Ok(found.heights(1 << l)?.map(|z| (f64::from(*z) - datum) as f32))
-            };
+            let level = |l: usize| Ok(found.heights(1 << l)?.map(|z| (f64::from(*z) - datum) as f32));
             Some((0..levels).map(level).collect::<Result<Vec<_>>>()?)
         } else {
             None
@@ -133,6 +136,7 @@ impl<'a> Synthesis<'a> {
             heights: Grid::filled(rows, cols, 0.0),
             field: Field::new(Grid::filled(rows, cols, Source::default())),
             seed,
+            stop: stop.clone(),
         })
     }
 
@@ -165,6 +169,7 @@ impl<'a> Synthesis<'a> {
         }
         let nearness = (own.guide > 0.0).then(|| strokes.nearness(&config.guide));
         for round in 0..own.rounds {
+            self.stop.check()?;
             let smooth = (own.flow > 0.0)
                 .then(|| gaussian::smooth(&self.heights, &self.heights.map(|_| true), own.flow_sigma));
             let used = usage(&self.field.sources, ground.heights.shape(), own.radius);
@@ -186,6 +191,7 @@ impl<'a> Synthesis<'a> {
                 coherence: own.coherence,
                 reach: own.reach.unwrap_or(ground.heights.rows().max(ground.heights.cols())),
                 turns: &exemplar.symmetries().used,
+                stop: &self.stop,
             };
             let mut field = self.field.clone();
             search.run(&mut field, own.sweeps, seed.derive_indexed("round", round));
@@ -198,14 +204,11 @@ impl<'a> Synthesis<'a> {
         Ok(())
     }
 
-    /// The strokes at a size, with the heights that the exemplar's ground has around such strokes.
+    /// The strokes at a size, as much above or below themselves as the exemplar's ground is there.
     fn strokes(&self, l: usize) -> LevelStrokes {
         let mut strokes = LevelStrokes::new(&self.lines, 1 << l, self.at(l));
         if l > 0 {
-            for (_, z, kind) in &mut strokes.cells {
-                let ground = self.drawn.ground[l][*kind];
-                *z = ground.offset + ground.slope * *z;
-            }
+            strokes.cells.iter_mut().for_each(|(_, z, kind)| *z += self.drawn.above[l][*kind]);
         }
         strokes
     }
@@ -267,7 +270,11 @@ impl<'a> Synthesis<'a> {
         let unit = 1.0 / exemplar.strength_of_patches(l, &centres);
         let weights = Weights {
             heights: unit,
-            smooth: if self.landscape.is_some() { config.guide.membrane } else { config.guide.membrane_alone },
+            smooth: if self.landscape.is_some() {
+                config.guide.membrane
+            } else {
+                config.guide.membrane_alone
+            },
             landscape: config.guide.landscape,
             strokes: config.guide.strokes,
             elevation: unit * config.guide.elevation,
@@ -293,7 +300,9 @@ impl<'a> Synthesis<'a> {
             &weights,
             &config.quilting,
             seed.derive("layout"),
+            &self.stop,
         );
+        self.stop.check()?;
         Ok(sources.map(|source| {
             let (row, col) = ground.centres.nearest(source.row.into(), source.col.into());
             Source::new(row, col, source.turn, source.set)

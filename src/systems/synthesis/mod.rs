@@ -1,6 +1,6 @@
 //! Terrain from a few strokes, by analogy: what the exemplar's own main lines are to the exemplar, the strokes are to the answer.
 //!
-//! DEM -> [`Exemplar`] (once); exemplar + lines + seed -> [`Synthesized`]. Nothing is trained. Image analogies (Hertzmann et al. 2001)
+//! DEM -> [`Synthesis`] (once); lines + seed -> [`Synthesized`]. Nothing is trained. Image analogies (Hertzmann et al. 2001)
 //! give the frame: A is the exemplar as few strokes show it ([`exemplar`]), A' the exemplar, B the drawing. The layout is
 //! quilted (Efros & Freeman 2001; [`quilting`]), then refined from coarse to fine ([`generate`]) by PatchMatch (Barnes et al. 2009; [`search`]) whose
 //! patches vote on gradients ([`votes`]); a screened Poisson equation (Perez et al. 2003, Bhat et al. 2008) makes a surface of them that
@@ -22,19 +22,20 @@ mod votes;
 mod tests;
 
 pub use config::{GuideConfig, LevelConfig, QuiltingConfig, SynthesisConfig};
-pub use exemplar::Exemplar;
+pub use exemplar::Synthesis;
 pub use generate::Synthesized;
 pub use provenance::{Origin, Provenance};
 pub use symmetry::Symmetries;
 
 use super::task::SketchToTerrain;
+use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::Grid;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 
-impl SketchToTerrain for Exemplar {
-    fn generate(&self, lines: &LineMap, seed: Seed) -> Result<Grid<f32>> {
-        Ok(Self::generate(self, lines, seed)?.heights)
+impl SketchToTerrain for Synthesis {
+    fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        Ok(self.synthesize(lines, seed, stop)?.heights)
     }
 }

@@ -179,12 +179,8 @@ pub(super) struct Patch {
 }
 
 impl Side {
-    const EMPTY: Self = Self {
-        mean: 0.0,
-        variance: 0.0,
-        upright: [0.0; AREA],
-        turned: [[0.0; AREA]; TURNS as usize],
-    };
+    const EMPTY: Self =
+        Self { mean: 0.0, variance: 0.0, upright: [0.0; AREA], turned: [[0.0; AREA]; TURNS as usize] };
 }
 
 impl Patch {
@@ -210,10 +206,8 @@ impl Patch {
         let (rows, cols) = maps.heights.shape();
         let r = self.radius as i32;
         self.ready = 0;
-        self.is_whole = row >= self.radius
-            && col >= self.radius
-            && row + self.radius < rows
-            && col + self.radius < cols;
+        self.is_whole =
+            row >= self.radius && col >= self.radius && row + self.radius < rows && col + self.radius < cols;
         self.count = 0.0;
         for down in -r..=r {
             for right in -r..=r {

@@ -8,6 +8,7 @@
 use super::config::QuiltingConfig;
 use super::patch::{Asked, Weights};
 use super::source::{Centres, Source, step, step_back};
+use crate::control::Stop;
 use crate::grid::{Cell, Grid};
 use crate::seed::{Seed, Stream};
 use pulp::Arch;
@@ -37,13 +38,14 @@ pub(super) struct Wanted<'a> {
     pub(super) maps: Asked<'a>,
 }
 
-/// The source of every cell. `weights` as for the search, but those of membrane and landscape count as they are: shares.
+/// The source of every cell. `weights` as for the search, but those of membrane and landscape count as they are: shares. Not whole when it is stopped.
 pub(super) fn quilt(
     ground: &Ground<'_>,
     wanted: &Wanted<'_>,
     weights: &Weights,
     config: &QuiltingConfig,
     seed: Seed,
+    stop: &Stop,
 ) -> Grid<Source> {
     let (rows, cols) = wanted.maps.heights.shape();
     let mut stream = seed.stream("quilting");
@@ -62,7 +64,7 @@ pub(super) fn quilt(
         laid.is_stroke[cell] = true;
     }
     places.count(&laid.known, config.radius);
-    while let Some(place) = places.next() {
+    while let Some(place) = places.next().filter(|_| !stop.is_raised()) {
         let found = Placing { ground, wanted, weights, config, laid: &laid, place }.choose(&mut stream);
         laid.lay(ground.heights, place, config.radius, found);
         places.update(&laid.known, place, config.radius);
@@ -180,16 +182,18 @@ fn pairs(
     cols: usize,
 ) -> impl Iterator<Item = (Cell, Cell, i32)> {
     let r = radius as i32;
-    (-r..=r).flat_map(move |down| (-r..=r).map(move |right| (down, right))).filter_map(move |(down, right)| {
-        let (row, col) = (place.row as i32 + down, place.col as i32 + right);
-        let inside = row >= 0 && col >= 0 && row < rows as i32 && col < cols as i32;
-        let there = found.moved(down, right);
-        let distance = down * down + right * right;
-        inside.then(|| {
-            let cell = |row: i32, col: i32| Cell::new(row as usize, col as usize);
-            (cell(row, col), cell(there.0, there.1), distance)
-        })
-    })
+    (-r..=r).flat_map(move |down| (-r..=r).map(move |right| (down, right))).filter_map(
+        move |(down, right)| {
+            let (row, col) = (place.row as i32 + down, place.col as i32 + right);
+            let inside = row >= 0 && col >= 0 && row < rows as i32 && col < cols as i32;
+            let there = found.moved(down, right);
+            let distance = down * down + right * right;
+            inside.then(|| {
+                let cell = |row: i32, col: i32| Cell::new(row as usize, col as usize);
+                (cell(row, col), cell(there.0, there.1), distance)
+            })
+        },
+    )
 }
 
 /// One patch to be found.
@@ -299,8 +303,7 @@ impl Placing<'_> {
         let r = self.config.radius as i32;
         let maps = &self.wanted.maps;
         let strokes = maps.strokes;
-        let channels =
-            [maps.smooth, maps.landscape, strokes.map(|s| s[0]), strokes.map(|s| s[1])];
+        let channels = [maps.smooth, maps.landscape, strokes.map(|s| s[0]), strokes.map(|s| s[1])];
         let mut cells = Vec::new();
         for down in -r..=r {
             for right in -r..=r {
@@ -337,9 +340,8 @@ impl Placing<'_> {
     fn costs(&self, run: Run, queries: &Queries, costs: &mut [f32]) {
         let (rows, cols) = self.ground.heights.shape();
         let width = LANES.min(cols - run.col);
-        let allowed = |lane: usize| {
-            lane < width && self.ground.centres.allows(run.row as i32, (run.col + lane) as i32)
-        };
+        let allowed =
+            |lane: usize| lane < width && self.ground.centres.allows(run.row as i32, (run.col + lane) as i32);
         if !(0..LANES).any(allowed) {
             return;
         }
@@ -391,9 +393,9 @@ impl Placing<'_> {
                     }
                 }
             }
-            for k in 2..4 {
-                if let Some(map) = set[k] {
-                    let (z, q) = (cells(map.as_slice()), query.maps[k]);
+            for (map, q) in set[2..].iter().zip(&query.maps[2..]) {
+                if let Some(map) = map {
+                    let z = cells(map.as_slice());
                     for lane in 0..LANES {
                         nearness[lane] += (z[lane] - q) * (z[lane] - q);
                     }

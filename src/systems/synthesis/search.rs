@@ -10,6 +10,7 @@
 
 use super::patch::{Asked, Given, Patch, Weights};
 use super::source::{Centres, Source};
+use crate::control::Stop;
 use crate::grid::{Cell, Grid};
 use crate::seed::{Seed, Stream};
 use pulp::Arch;
@@ -55,6 +56,8 @@ pub(super) struct Search<'a> {
     pub(super) reach: usize,
     /// Symmetries that may be drawn.
     pub(super) turns: &'a [u8],
+    /// Ends the sweeps early.
+    pub(super) stop: &'a Stop,
 }
 
 impl Search<'_> {
@@ -68,6 +71,9 @@ impl Search<'_> {
             let seed = seed.derive_indexed("sweep", sweep);
             let is_backward = sweep % 2 == 1;
             for diagonal in 0..down + right - 1 {
+                if self.stop.is_raised() {
+                    return;
+                }
                 let first = (diagonal + 1).saturating_sub(right);
                 let tiles: Vec<(usize, usize)> = (first..=diagonal.min(down - 1))
                     .map(|a| (a, diagonal - a))
@@ -146,8 +152,7 @@ impl Search<'_> {
                 }
                 let factor = self.factor(row_there, col_there);
                 let most = (cost - breaks) / factor;
-                let found =
-                    factor * patch.distance(&self.maps, &self.given, &self.weights, source, most).0;
+                let found = factor * patch.distance(&self.maps, &self.given, &self.weights, source, most).0;
                 if found + breaks < cost {
                     (cost, distance, *best) = (found + breaks, found, source);
                 }

@@ -89,13 +89,9 @@ impl Centres {
         let (rows, cols) = valid.shape();
         let whole = crate::grid::morphology::erode(valid, radius);
         let inside = |i: usize, side: usize| i >= radius && i + radius < side;
-        let allowed =
-            Grid::from_fn(rows, cols, |c| inside(c.row, rows) && inside(c.col, cols) && whole[c]);
-        let list: Vec<(u16, u16)> = allowed
-            .cells()
-            .filter(|(_, on)| **on)
-            .map(|(c, _)| (c.row as u16, c.col as u16))
-            .collect();
+        let allowed = Grid::from_fn(rows, cols, |c| inside(c.row, rows) && inside(c.col, cols) && whole[c]);
+        let list: Vec<(u16, u16)> =
+            allowed.cells().filter(|(_, on)| **on).map(|(c, _)| (c.row as u16, c.col as u16)).collect();
         (!list.is_empty()).then_some(Self { allowed, list })
     }
 
@@ -210,7 +206,9 @@ mod tests {
     fn centres_keep_away_from_voids_and_frame() {
         let valid = Grid::from_fn(12, 15, |c| c != Cell::new(5, 6));
         let centres = Centres::new(&valid, 2).unwrap();
-        assert!(!centres.allows(5, 8) && centres.allows(5, 9) && !centres.allows(1, 9) && centres.allows(2, 12));
+        assert!(
+            !centres.allows(5, 8) && centres.allows(5, 9) && !centres.allows(1, 9) && centres.allows(2, 12)
+        );
         assert!(!centres.allows(-1, 5) && !centres.allows(5, 15));
         assert_eq!(centres.nearest(5, 8), (5, 9));
         assert_eq!(centres.nearest(0, 0), (2, 2));

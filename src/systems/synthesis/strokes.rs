@@ -71,7 +71,8 @@ impl LevelStrokes {
         let mut sums = Grid::filled(shape.0, shape.1, [(0.0f64, 0u32); 2]);
         for (cell, kind) in lines.kinds().cells() {
             if let Some(kind) = kind {
-                let at = Cell::new((cell.row / factor).min(shape.0 - 1), (cell.col / factor).min(shape.1 - 1));
+                let at =
+                    Cell::new((cell.row / factor).min(shape.0 - 1), (cell.col / factor).min(shape.1 - 1));
                 let (sum, count) = &mut sums[at][usize::from(*kind == KINDS[1])];
                 *sum += f64::from(lines.heights()[cell]);
                 *count += 1;
@@ -91,7 +92,11 @@ impl LevelStrokes {
             let mut mask = Grid::filled(self.shape.0, self.shape.1, false);
             self.cells.iter().filter(|c| c.2 == kind).for_each(|(cell, ..)| mask[*cell] = true);
             distance::squared(&mask).map(|&d| {
-                if d == distance::NOWHERE { 0.0 } else { (-f64::from(d).sqrt() / config.nearness).exp() as f32 }
+                if d == distance::NOWHERE {
+                    0.0
+                } else {
+                    (-f64::from(d).sqrt() / config.nearness).exp() as f32
+                }
             })
         })
     }

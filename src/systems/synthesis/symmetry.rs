@@ -50,10 +50,8 @@ pub(super) fn measure(heights: &Grid<f32>) -> Symmetries {
             if length > 0.0 {
                 let (a, b) = step(turn, 1, 0);
                 let (c, d) = step(turn, 0, 1);
-                let turned = (
-                    down * f64::from(a) + right * f64::from(c),
-                    down * f64::from(b) + right * f64::from(d),
-                );
+                let turned =
+                    (down * f64::from(a) + right * f64::from(c), down * f64::from(b) + right * f64::from(d));
                 let sector = (turned.0.atan2(turned.1) / TAU).rem_euclid(1.0) * SECTORS as f64;
                 sums[sector as usize % SECTORS] += length * length;
             }

@@ -33,20 +33,20 @@ fn drawing(rows: usize, cols: usize) -> LineMap {
     lines
 }
 
-fn exemplar(dem: &Dem) -> Exemplar {
+fn synthesis(dem: &Dem) -> Synthesis {
     let mut config = SynthesisConfig::default();
     config.quilting.candidates = 3000;
-    Exemplar::new(dem, &config).unwrap()
+    Synthesis::new(dem, &config).unwrap()
 }
 
 #[test]
 fn strokes_are_met_to_the_bit_on_any_shape_and_number_of_threads_and_seeds_differ() {
-    let exemplar = exemplar(&dem(96, 120));
+    let synthesis = synthesis(&dem(96, 120));
     for (rows, cols) in [(64, 64), (37, 90), (9, 12)] {
         let lines = drawing(rows, cols);
         let run = |threads: usize, seed: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| exemplar.generate(&lines, Seed(seed)).unwrap())
+            pool.install(|| synthesis.synthesize(&lines, Seed(seed), &Stop::new()).unwrap())
         };
         let one = run(1, 1);
         let two = run(2, 1);
@@ -76,7 +76,7 @@ fn strokes_are_met_to_the_bit_on_any_shape_and_number_of_threads_and_seeds_diffe
 #[test]
 fn gradients_are_those_of_the_provenance() {
     let dem = dem(96, 120);
-    let made = exemplar(&dem).generate(&drawing(96, 96), Seed(1)).unwrap();
+    let made = synthesis(&dem).synthesize(&drawing(96, 96), Seed(1), &Stop::new()).unwrap();
     let origins = made.provenance.origins();
     let own = Gradients::of(&made.heights).east;
     let (mut same, mut pieces) = ([0.0f64; 3], 0);
@@ -84,7 +84,8 @@ fn gradients_are_those_of_the_provenance() {
         let Origin::Exemplar { cell, symmetry } = *origin else { continue };
         let (down, right) = Provenance::step(symmetry, 0, 1);
         let there = Cell::new((cell.row as i32 + down) as usize, (cell.col as i32 + right) as usize);
-        let Origin::Exemplar { cell: next, symmetry: other } = origins[Cell::new(here.row, here.col + 1)] else {
+        let Origin::Exemplar { cell: next, symmetry: other } = origins[Cell::new(here.row, here.col + 1)]
+        else {
             continue;
         };
         if next != there || other != symmetry {
@@ -106,7 +107,7 @@ fn voids_are_never_sources() {
     // Whatever stands in a void would be seen.
     let spoilt = Grid::from_fn(128, 128, |c| if valid[c] { heights[c] } else { -9e4 });
     let dem = Dem::with_voids(spoilt, valid.clone(), CellSize::square(30.0).unwrap()).unwrap();
-    let made = exemplar(&dem).generate(&drawing(80, 80), Seed(1)).unwrap();
+    let made = synthesis(&dem).synthesize(&drawing(80, 80), Seed(1), &Stop::new()).unwrap();
     for (cell, origin) in made.provenance.origins().cells() {
         if let Origin::Exemplar { cell: source, .. } = origin {
             assert!(valid[*source], "{cell:?} comes from the void at {source:?}");
@@ -119,19 +120,18 @@ fn voids_are_never_sources() {
 #[test]
 fn own_strokes_give_the_exemplar_back() {
     let dem = dem(128, 128);
-    let exemplar = exemplar(&dem);
+    let synthesis = synthesis(&dem);
     let lines = crate::extract::ridges_and_valleys(
         dem.heights(),
         dem.valid(),
         &crate::extract::ExtractionConfig { min_accumulation: 60, ..Default::default() },
     )
     .unwrap();
-    let made = exemplar.generate(&lines, Seed(1)).unwrap().heights;
+    let made = synthesis.synthesize(&lines, Seed(1), &Stop::new()).unwrap().heights;
     let membrane =
         crate::interpolation::harmonic(&lines.mask(), &lines.heights().map(|z| f64::from(*z))).unwrap();
     let slope = |z: &Grid<f32>| Gradients::of(z).mean_length();
-    let (own, got, level) =
-        (slope(dem.heights()), slope(&made), slope(&membrane.map(|z| *z as f32)));
+    let (own, got, level) = (slope(dem.heights()), slope(&made), slope(&membrane.map(|z| *z as f32)));
     assert!((got / own - 1.0).abs() < (level / own - 1.0).abs(), "{own} {got} {level}");
     let error = |z: &dyn Fn(Cell) -> f64| {
         let squares = dem.heights().cells().map(|(c, t)| (z(c) - f64::from(*t)).powi(2));
@@ -149,35 +149,39 @@ fn own_strokes_give_the_exemplar_back() {
 fn cells_may_have_another_size() {
     let dem = dem(160, 140);
     let config = SynthesisConfig::default();
-    let exemplar = Exemplar::with_cell_size(&dem, 60.0, &config).unwrap();
-    assert_eq!((exemplar.shape(), exemplar.cell()), ((80, 70), 60.0));
-    let made = exemplar.generate(&drawing(48, 48), Seed(1)).unwrap();
+    let synthesis = Synthesis::with_cell_size(&dem, 60.0, &config).unwrap();
+    assert_eq!((synthesis.shape(), synthesis.cell()), ((80, 70), 60.0));
+    let made = synthesis.synthesize(&drawing(48, 48), Seed(1), &Stop::new()).unwrap();
     let rows = made.provenance.origins().as_slice().iter().filter_map(|origin| match origin {
         Origin::Exemplar { cell, .. } => Some(cell.row),
         Origin::Stroke => None,
     });
     let highest = rows.max().unwrap();
     assert!((80..160).contains(&highest), "origins are cells of the DEM: {highest}");
-    assert_eq!(Exemplar::with_cell_size(&dem, 30.3, &config).unwrap().shape(), (160, 140));
-    let error = Exemplar::with_cell_size(&dem, 300.0, &config).err().unwrap().to_string();
+    assert_eq!(Synthesis::with_cell_size(&dem, 30.3, &config).unwrap().shape(), (160, 140));
+    let error = Synthesis::with_cell_size(&dem, 300.0, &config).err().unwrap().to_string();
     assert!(error.contains("cell size of the map is 300"), "{error}");
 }
 
 #[test]
 fn what_cannot_be_is_named() {
     let config = SynthesisConfig::default();
-    let fails = |dem: &Dem| Exemplar::new(dem, &config).err().unwrap().to_string();
+    let fails = |dem: &Dem| Synthesis::new(dem, &config).err().unwrap().to_string();
     assert!(fails(&dem(20, 200)).contains("20x200"));
     let level = Dem::new(Grid::filled(64, 64, 5.0), CellSize::square(30.0).unwrap()).unwrap();
     assert!(fails(&level).contains("relief"));
     let holes = Grid::from_fn(64, 64, |c| (c.row + c.col) % 3 != 0);
     let holes = Dem::with_voids(terrain(64, 64), holes, CellSize::square(30.0).unwrap()).unwrap();
     assert!(fails(&holes).contains("whole patches"));
-    let small = exemplar(&dem(40, 40));
+    let small = synthesis(&dem(40, 40));
     assert!(small.config().levels.len() < config.levels.len(), "a small exemplar begins at a finer size");
-    let message = small.generate(&LineMap::empty(32, 32), Seed(1)).unwrap_err().to_string();
+    let message = small.synthesize(&LineMap::empty(32, 32), Seed(1), &Stop::new()).unwrap_err().to_string();
     assert!(message.contains("line cells is 0"), "{message}");
+    let stop = Stop::new();
+    stop.raise();
+    let stopped = small.synthesize(&drawing(32, 32), Seed(1), &stop);
+    assert!(matches!(stopped, Err(crate::Error::Stopped)));
     let mut one = LineMap::empty(32, 40);
     one.set(Cell::new(0, 0), StrokeKind::Ridge, 610.0);
-    assert_eq!(small.generate(&one, Seed(1)).unwrap().heights[Cell::new(0, 0)], 610.0);
+    assert_eq!(small.synthesize(&one, Seed(1), &Stop::new()).unwrap().heights[Cell::new(0, 0)], 610.0);
 }

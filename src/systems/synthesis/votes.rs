@@ -43,13 +43,7 @@ fn ballots(radius: usize, spread: f64, down: i32, right: i32) -> Vec<Ballot> {
 
 /// The gradients for which the patches of `field` vote: those of `heights` around their sources. `scale`: distance between
 /// patches at which a vote counts 1/e.
-pub(super) fn votes(
-    field: &Field,
-    heights: &Grid<f32>,
-    radius: usize,
-    spread: f64,
-    scale: f32,
-) -> Gradients {
+pub(super) fn votes(field: &Field, heights: &Grid<f32>, radius: usize, spread: f64, scale: f32) -> Gradients {
     let (rows, cols) = field.sources.shape();
     let weights = field.distances.map(|d| (-d / scale).exp() + LEAST_VOTE);
     let one = |down: i32, right: i32| {
@@ -59,8 +53,8 @@ pub(super) fn votes(
             if row as i32 + down >= rows as i32 {
                 return;
             }
-            for col in 0..cols - right as usize {
-                line[col] = mean(field, &weights, heights, &ballots, (row, col), (down, right));
+            for (col, out) in line.iter_mut().enumerate().take(cols - right as usize) {
+                *out = mean(field, &weights, heights, &ballots, (row, col), (down, right));
             }
         });
         out
@@ -91,7 +85,9 @@ fn mean(
         let (over, beside) = step(source.turn, down, right);
         let at = here.0 * stride + here.1;
         let weight = weights.as_slice()[i] * ballot.weight;
-        sum += weight * field.stretches.as_slice()[i] * (z[(at + over * stride + beside) as usize] - z[at as usize]);
+        sum += weight
+            * field.stretches.as_slice()[i]
+            * (z[(at + over * stride + beside) as usize] - z[at as usize]);
         total += weight;
     }
     if total > 0.0 { sum / total } else { 0.0 }
