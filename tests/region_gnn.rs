@@ -10,7 +10,7 @@ use monadnock::grid::{Cell, Grid};
 use monadnock::metrics::ssim;
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
-use monadnock::style::{self, Recipe, Registry, Source, Style, StyleConfig};
+use monadnock::style::{self, Method, Recipe, Registry, Source, Style, StyleConfig};
 use monadnock::systems::region_gnn::config::Kernel;
 use monadnock::systems::region_gnn::{FineTuning, GenerationConfig, Preset};
 use std::time::Duration;
@@ -136,7 +136,9 @@ fn a_style_file_gives_back_the_style() {
         assert_eq!(read.network().unwrap().model().parts(), made.network().unwrap().model().parts());
         let (_, _, lines) = patch(0, 0);
         let run = |style: &Style| {
-            style.generate(&lines.map_heights(|z| 900.0 + z), None, Seed(5), &Stop::new()).unwrap()
+            style
+                .generate(&lines.map_heights(|z| 900.0 + z), &Method::default(), None, Seed(5), &Stop::new())
+                .unwrap()
         };
         assert_eq!(run(&made), run(&read));
         let again = folder.path().join("again.safetensors");

@@ -10,7 +10,8 @@ use monadnock::interpolation::{NaturalNeighbours, biharmonic_until, harmonic_unt
 use monadnock::seed::Seed;
 use monadnock::sketch::{LineMap, samples};
 use monadnock::style::{
-    Exemplar, GeneratorConfig, Recipe, Source, Style, StyleConfig, amplify, generators, learn, unseen_surface,
+    Exemplar, GeneratorConfig, Method, Recipe, Source, Style, StyleConfig, amplify, generators, learn,
+    unseen_surface,
 };
 use monadnock::systems::task::{DetailUse, SampleUse};
 use monadnock::{Error, Result};
@@ -97,7 +98,7 @@ fn trainings_stop_and_can_be_resumed() {
 fn generation_and_detail_stop() {
     let style = with_patches();
     let (lines, range) = (strokes(768), style.origin.normalization);
-    stops("generation", |stop| style.generate(&lines, Some(range), Seed(1), stop));
+    stops("generation", |stop| style.generate(&lines, &Method::default(), Some(range), Seed(1), stop));
     for (name, system) in style.uses() {
         stops(&name, |stop| system.generate(&lines, Seed(1), stop));
     }

@@ -11,7 +11,7 @@ use monadnock::dem::io::{self, ReadOptions};
 use monadnock::grid::Cell;
 use monadnock::seed::Seed;
 use monadnock::sketch::samples;
-use monadnock::style::{Choices, DetailChoice, Recipe, Registry, Source, Style, add_detail, learn};
+use monadnock::style::{Choices, DetailChoice, Method, Recipe, Registry, Source, Style, add_detail, learn};
 use monadnock::systems::task::{DetailUse, SampleUse};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -36,7 +36,7 @@ fn styles_of_version_1_give_their_terrain() {
         let (range, seed) = (style.origin.normalization, Seed(1));
         let sketch = samples::load("lambda-ring").unwrap().sketch.scaled_to(48, 40);
         let lines = sketch.map_heights(|z| range.to_metres(z)).rasterize();
-        let coarse = style.generate(&lines, None, seed, &stop).unwrap();
+        let coarse = style.generate(&lines, &Method::default(), None, seed, &stop).unwrap();
         let (made, sampled) = match &style.detail {
             Some(detail) => {
                 let (how, what) = (DetailUse::default(), SampleUse::new(40, 48));
@@ -64,8 +64,8 @@ fn styles_of_version_1_give_their_terrain() {
         let again = Style::load(&path).unwrap();
         assert_eq!(again.describe().unwrap(), style.describe().unwrap());
         assert_eq!(
-            again.generate(&lines, None, seed, &stop).unwrap(),
-            style.generate(&lines, None, seed, &stop).unwrap()
+            again.generate(&lines, &Method::default(), None, seed, &stop).unwrap(),
+            style.generate(&lines, &Method::default(), None, seed, &stop).unwrap()
         );
     }
 }
@@ -77,7 +77,7 @@ fn with_toy() -> Registry {
 fn toy_style() -> Style {
     let dem = bundled::load("sierra").unwrap();
     let source = Source::new("sierra", &dem, Cell::new(0, 0), 64, 64).unwrap();
-    let (systems, settings) = (vec!["plateau".to_owned()], "plateau.steps = 3".parse().unwrap());
+    let (systems, settings) = (Some(vec!["plateau".to_owned()]), "plateau.steps = 3".parse().unwrap());
     let choices = Choices { systems, settings, detail: DetailChoice::Without, ..Choices::default() };
     let recipe = Recipe::new(&with_toy(), &choices, (64, 64), Seed(1)).unwrap();
     let mut steps = Vec::new();
@@ -101,7 +101,8 @@ fn a_system_of_ones_own_is_part_of_a_style() {
     let whole = bundled::load("sierra").unwrap();
     assert_eq!(terrain.as_ref(), Some(whole.heights()), "stored for the system that needs it");
     let lines = samples::load("lambda-ring").unwrap().sketch.rasterize();
-    let terrain = |style: &Style| style.generate(&lines, None, Seed(1), &Stop::new()).unwrap();
+    let terrain =
+        |style: &Style| style.generate(&lines, &Method::default(), None, Seed(1), &Stop::new()).unwrap();
     assert_eq!(terrain(&made), terrain(&read));
     // A program without the system says so, and settings out of range are not taken.
     let unknown = Style::load(&path).unwrap_err().to_string();

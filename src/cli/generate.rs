@@ -14,7 +14,7 @@ use crate::grid::{Grid, Mask};
 use crate::machine;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::sketch::{LineMap, Sketch};
-use crate::style::{Style, add_detail};
+use crate::style::{Method, NETWORK, Style, add_detail};
 use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
@@ -35,8 +35,9 @@ Sketch heights are metres, or 0 to 1 of the style's range when the file says \"u
 With --size a sketch that states the size of its map (those of the program do, and files of `extract`) is scaled to it frame
 to frame; one with a georeference keeps its ground and gets other cells. A file in columns and rows that states no size is
 taken as drawn on a map of that size, from its north-west corner; without --size its strokes decide the size.
-Strokes keep their heights. Between them the style's detail adds the small forms, where the style has one; every --seed draws
-others. A mask says where detail is wanted: a terrain file of the map's size whose heights are above 0.5 there (a PNG is white
+Few strokes become terrain from the exemplar's own patches (synthesis); dense sketches, 10 % of the cells and more, go to the
+network, and between their lines the style's detail adds the small forms. --method overrules. Strokes keep their heights; every
+--seed draws other forms between them. A mask says where detail is wanted: a terrain file of the map's size whose heights are above 0.5 there (a PNG is white
 there).
 
 A sketch drawn in a geographic information system is laid on a map with --like DEM or --bounds. One with a place has the cell
@@ -53,6 +54,10 @@ pub(super) struct GenerateArgs {
     /// The terrain to write
     #[arg(short, long)]
     output: PathBuf,
+    /// What makes the terrain: auto (few strokes: synthesis; many: the network), network, synthesis or landscape, or another
+    /// system of the style by its name
+    #[arg(long, value_name = "NAME", default_value = "auto", value_parser = method)]
+    method: Method,
     /// Elevations in metres that stand for the exemplar's lowest and highest height
     #[arg(long, value_name = "MIN,MAX", value_parser = elevation, allow_hyphen_values = true)]
     elevation: Option<Normalization>,
@@ -122,13 +127,14 @@ impl DetailOptions {
     fn add(
         &self,
         style: &Style,
+        is_complete: bool,
         terrain: Grid<f32>,
         lines: &LineMap,
         range: Normalization,
         context: &Context,
     ) -> Result<Grid<f32>> {
         let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
-        if self.no_detail || (style.detail.is_none() && !asked) {
+        if self.no_detail || ((style.detail.is_none() || is_complete) && !asked) {
             return Ok(terrain);
         }
         let detail = style.needed_detail()?;
@@ -196,11 +202,20 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         None => sketch,
     };
     let lines = sketch.rasterize();
-    let terrain = style.generate(&lines, Some(range), context.seed, &context.stop())?;
-    let terrain = args.detail.add(&style, terrain, &lines, range, context).map_err(|e| match e {
-        Error::Value { .. } => e.in_file(&args.style),
-        other => other,
-    })?;
+    let system = style.system_for(&lines, &args.method).map_err(|e| e.in_file(&args.style))?;
+    let share = 100.0 * lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64;
+    context.console.note(format!(
+        "{}: strokes on {share:.1} % of the cells: terrain by {} (--method)",
+        args.sketch.display(),
+        system.name()
+    ));
+    let terrain = style.generate(&lines, &args.method, Some(range), context.seed, &context.stop())?;
+    let is_complete = system.is_complete();
+    let terrain =
+        args.detail.add(&style, is_complete, terrain, &lines, range, context).map_err(|e| match e {
+            Error::Value { .. } => e.in_file(&args.style),
+            other => other,
+        })?;
     let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
     io::write(&dem, &args.output, &WriteOptions::default())?;
     let (low, high) = dem.range();
@@ -210,6 +225,15 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         args.output.display()
     ));
     Ok(())
+}
+
+/// `network` is how people call the first system.
+fn method(text: &str) -> Result<Method, String> {
+    Ok(match text {
+        "auto" => Method::Auto,
+        "network" => Method::System(NETWORK.to_owned()),
+        name => Method::System(name.to_owned()),
+    })
 }
 
 fn metres_per_unit(text: &str) -> Result<f64, String> {

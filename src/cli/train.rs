@@ -26,9 +26,13 @@ pub(super) struct TrainArgs {
     /// Named configuration of the network: anchored (ours) or paper (Liu & Benes 2025)
     #[arg(long, value_parser = ["anchored", "paper"], default_value = "anchored")]
     preset: String,
-    /// Coarse systems to learn, separated by commas; the first is the one that `generate` uses
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "gnn")]
-    systems: Vec<String>,
+    /// Coarse systems to learn, separated by commas, the first for dense sketches [default: gnn,landscape,synthesis; gnn alone with
+    /// --preset paper]
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    systems: Option<Vec<String>>,
+    /// Leave the exemplar's terrain out of the style, and with it the synthesis, which makes terrain of it
+    #[arg(long)]
+    no_terrain: bool,
     #[command(flatten)]
     settings: SettingsOptions,
     /// Leave out the detail: terrain then keeps only the forms that its lines say
@@ -89,7 +93,13 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
         ));
     }
     let mut recipe = recipe((rows, cols))?;
+    recipe.keep_terrain = !args.no_terrain;
     let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
+    if args.systems.is_none() {
+        for (name, why) in recipe.leave_out_unsuited(&source) {
+            context.console.note(format!("{}: {name} is left out: {why}", args.output.display()));
+        }
+    }
     if let Some(path) = &args.coarse {
         let style = context.registry.load(path)?;
         recipe.continues(&style, &source, false).map_err(|e| e.in_file(path))?;

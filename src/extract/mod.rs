@@ -5,6 +5,7 @@
 mod config;
 mod context;
 mod lines;
+mod main_lines;
 mod network;
 pub mod random;
 mod relief;
@@ -15,4 +16,5 @@ mod variants;
 pub use config::{ExtractionConfig, Routing};
 pub use context::{crop_lines, with_context};
 pub use lines::{Extraction, extract, ridges_and_valleys, ridges_and_valleys_until};
+pub use main_lines::{MainLines, MainLinesConfig};
 pub use variants::variants;

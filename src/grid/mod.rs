@@ -9,6 +9,7 @@ pub mod d8;
 pub mod distance;
 pub mod gaussian;
 pub mod morphology;
+pub mod pyramid;
 pub mod resample;
 mod raster;
 pub mod thinning;

@@ -32,6 +32,12 @@ pub trait LearnedSystem: SketchToTerrain + Debug + Any {
     /// Whether the style stores the exemplar's terrain for it.
     fn needs_terrain(&self) -> bool;
 
+    /// As [`System::sparse_up_to`].
+    fn sparse_up_to(&self) -> f64;
+
+    /// As [`System::is_complete`].
+    fn is_complete(&self) -> bool;
+
     /// What learning took and gave.
     fn account(&self) -> Account;
 
@@ -53,6 +59,14 @@ impl<S: System> LearnedSystem for S {
 
     fn needs_terrain(&self) -> bool {
         S::NEEDS_TERRAIN
+    }
+
+    fn sparse_up_to(&self) -> f64 {
+        S::sparse_up_to(self.config())
+    }
+
+    fn is_complete(&self) -> bool {
+        S::is_complete(self.config())
     }
 
     fn account(&self) -> Account {
@@ -131,6 +145,15 @@ pub trait SystemPlan: Debug + Send + Sync {
     /// As [`System::meets_lines`].
     fn meets_lines(&self) -> bool;
 
+    /// Whether the style stores the exemplar's terrain for it.
+    fn needs_terrain(&self) -> bool;
+
+    /// As [`System::check`].
+    ///
+    /// # Errors
+    /// As there.
+    fn check(&self, terrain: &Dem) -> Result<()>;
+
     /// The plan for half of the exemplar: [`System::for_half`].
     fn halved(&self) -> Arc<dyn SystemPlan>;
 
@@ -182,6 +205,14 @@ impl<S: System> SystemPlan for Planned<S> {
 
     fn meets_lines(&self) -> bool {
         S::meets_lines(&self.0)
+    }
+
+    fn needs_terrain(&self) -> bool {
+        S::NEEDS_TERRAIN
+    }
+
+    fn check(&self, terrain: &Dem) -> Result<()> {
+        S::check(&self.0, terrain)
     }
 
     fn halved(&self) -> Arc<dyn SystemPlan> {

@@ -60,6 +60,28 @@ pub struct Origin {
     pub extraction: ExtractionConfig,
 }
 
+/// Name of the region network.
+pub const NETWORK: &str = <RegionNetwork as crate::systems::task::Part>::NAME;
+
+/// Which coarse system of a style makes terrain.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The first one that is made for drawings of so few strokes, or else the style's first.
+    #[default]
+    Auto,
+    /// The one of that name.
+    System(String),
+}
+
+impl std::fmt::Display for Method {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::System(name) => f.write_str(name),
+        }
+    }
+}
+
 /// A trained style.
 #[derive(Clone, Debug)]
 pub struct Style {
@@ -127,7 +149,28 @@ impl Style {
         self.detail.as_ref().ok_or_else(|| Error::value("detail of the style", "none", allowed))
     }
 
-    /// Terrain in metres for lines in metres, by the first coarse system. `range`: the elevations that stand for the exemplar's
+    /// The coarse system that makes terrain of `lines`.
+    ///
+    /// # Errors
+    /// When the style has no system of that name.
+    pub fn system_for(&self, lines: &LineMap, method: &Method) -> Result<&Arc<dyn LearnedSystem>> {
+        let named = |name: &str| self.coarse.iter().find(|system| system.name() == name);
+        let found = match method {
+            Method::Auto => {
+                let (rows, cols) = lines.shape();
+                let share = lines.line_count() as f64 / (rows * cols) as f64;
+                self.coarse.iter().find(|system| share <= system.sparse_up_to()).or(self.coarse.first())
+            }
+            Method::System(name) => named(name),
+        };
+        found.ok_or_else(|| {
+            let names: Vec<&str> = self.coarse.iter().map(|system| system.name()).collect();
+            let allowed = format!("the style has {}; `train --systems` learns others", names.join(", "));
+            Error::value("system of the style", method, allowed)
+        })
+    }
+
+    /// Terrain in metres for lines in metres, by the coarse system that `method` says. `range`: the elevations that stand for the exemplar's
     /// lowest and highest height; none takes the exemplar's own.
     ///
     /// The lines are taken as drawn by a hand ([`draw`](crate::systems::task::SketchToTerrain::draw)). Evaluations, where heights
@@ -138,16 +181,23 @@ impl Style {
     pub fn generate(
         &self,
         lines: &LineMap,
+        method: &Method,
         range: Option<Normalization>,
         seed: Seed,
         stop: &Stop,
     ) -> Result<Grid<f32>> {
         let range = range.unwrap_or(self.origin.normalization);
         let unit = lines.map_heights(|z| range.to_unit(f64::from(z)) as f32);
-        let Some(system) = self.coarse.first() else {
-            return Err(Error::value("number of systems of the style", 0, "at least one is needed"));
-        };
-        let terrain = system.draw(&unit, seed, stop)?;
-        Ok(terrain.map(|&z| range.to_metres(f64::from(z)) as f32))
+        let system = self.system_for(lines, method)?;
+        let mut terrain = system.draw(&unit, seed, stop)?.map(|&z| range.to_metres(f64::from(z)) as f32);
+        // What passes through the lines in the unit interval does so in metres, to the bit.
+        let drawn =
+            lines.kinds().as_slice().iter().zip(lines.heights().as_slice()).zip(unit.heights().as_slice());
+        for (z, ((kind, &height), &unit)) in terrain.as_mut_slice().iter_mut().zip(drawn) {
+            if kind.is_some() && *z == range.to_metres(f64::from(unit)) as f32 {
+                *z = height;
+            }
+        }
+        Ok(terrain)
     }
 }

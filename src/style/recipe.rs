@@ -9,8 +9,10 @@ use crate::extract::ExtractionConfig;
 use crate::grid::Cell;
 use crate::seed::Seed;
 use crate::systems::gpnn::{self, PatchDetail};
+use crate::systems::landscape::LandscapeSystem;
 use crate::systems::region_gnn::{Preset, RegionNetwork};
 use crate::systems::singan::{Detail, DetailConfig as GeneratorConfig};
+use crate::systems::synthesis::SynthesisSystem;
 use crate::systems::task::{Part, Source};
 use std::sync::Arc;
 
@@ -57,8 +59,9 @@ pub struct Choices {
     pub preset: Preset,
     /// The generators' configuration to begin with; none where nothing was said about them.
     pub generators: Option<GeneratorConfig>,
-    /// Names of the coarse systems.
-    pub systems: Vec<String>,
+    /// Names of the coarse systems; none for what suits most: the network, and with it landscape and synthesis for drawings of few
+    /// strokes, unless the preset is `paper`.
+    pub systems: Option<Vec<String>>,
     /// The model of detail.
     pub detail: DetailChoice,
     /// Settings: the sections `[extraction]`, `[model]`, `[generation]`, `[detail]` (of generators), and one by the name of every other
@@ -74,7 +77,7 @@ impl Default for Choices {
         Self {
             preset: Preset::Anchored,
             generators: None,
-            systems: vec![RegionNetwork::NAME.to_owned()],
+            systems: None,
             detail: DetailChoice::default(),
             settings: toml::Table::new(),
             epochs: None,
@@ -97,6 +100,16 @@ impl Recipe {
             known: None,
             registry: Registry::default(),
         })
+    }
+
+    /// The same with the systems for drawings of few strokes.
+    ///
+    /// # Errors
+    /// Never: their own settings are in range.
+    pub fn with_systems_for_drawings(mut self) -> Result<Self> {
+        self.systems.push(system_plan::<LandscapeSystem>(Default::default())?);
+        self.systems.push(system_plan::<SynthesisSystem>(Default::default())?);
+        Ok(self)
     }
 
     /// The recipe that is wanted for an exemplar of `rows` x `cols` cells.
@@ -135,7 +148,13 @@ impl Recipe {
             RegionNetwork::NAME => config.plan(),
             name => registry.plan(name, &own(name)),
         };
-        recipe.systems = choices.systems.iter().map(plan).collect::<Result<_>>()?;
+        let usual = match choices.preset {
+            Preset::Paper => vec![RegionNetwork::NAME],
+            _ => vec![RegionNetwork::NAME, LandscapeSystem::NAME, SynthesisSystem::NAME],
+        };
+        let usual = || usual.iter().map(|name| (*name).to_owned()).collect();
+        recipe.systems =
+            choices.systems.clone().unwrap_or_else(usual).iter().map(plan).collect::<Result<_>>()?;
         let searched = gpnn::check_shape(rows, cols);
         let name = match &choices.detail {
             DetailChoice::Without => None,
@@ -166,6 +185,25 @@ impl Recipe {
     pub fn with_patches(mut self) -> Result<Self> {
         self.detail = Some(super::detail_plan::<PatchDetail>(gpnn::PatchConfig {})?);
         Ok(self)
+    }
+
+    /// Leaves out the systems after the first that the exemplar's terrain is not enough for, or that need it stored where it is
+    /// not: their names, and why.
+    pub fn leave_out_unsuited(&mut self, source: &Source) -> Vec<(&'static str, Error)> {
+        let mut left_out = Vec::new();
+        let keep_terrain = self.keep_terrain;
+        let mut is_first = true;
+        self.systems.retain(|plan| {
+            let unsuited = if plan.needs_terrain() && !keep_terrain {
+                Err(Error::value("terrain of the style", "left out", "the system makes terrain of it"))
+            } else {
+                plan.check(&source.terrain)
+            };
+            let is_kept = std::mem::take(&mut is_first) || unsuited.is_ok();
+            left_out.extend(unsuited.err().filter(|_| !is_kept).map(|why| (plan.name(), why)));
+            is_kept
+        });
+        left_out
     }
 
     /// The names of all its parts, in the order in which they are learned.
@@ -244,7 +282,7 @@ mod tests {
         assert!(refused("detail.width = 33").contains("detail.width is 33"));
         assert!(refused("detail = 9").contains("section"));
         assert!(refused("magic.steps = 9").contains("magic"));
-        let unknown = Choices { systems: vec!["magic".to_owned()], ..Choices::default() };
+        let unknown = Choices { systems: Some(vec!["magic".to_owned()]), ..Choices::default() };
         assert!(recipe(&unknown, 64).err().unwrap().to_string().contains("allowed: gnn"));
     }
 

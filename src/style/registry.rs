@@ -10,6 +10,7 @@ use crate::systems::gpnn::PatchDetail;
 use crate::systems::landscape::LandscapeSystem;
 use crate::systems::region_gnn::RegionNetwork;
 use crate::systems::singan::Detail;
+use crate::systems::synthesis::SynthesisSystem;
 use crate::systems::task::{DetailModel, Part, SketchToTerrain, System};
 use std::sync::Arc;
 
@@ -45,6 +46,7 @@ impl Default for Registry {
         Self { systems: Vec::new(), details: Vec::new(), interpolators: interpolators.collect() }
             .system::<RegionNetwork>()
             .system::<LandscapeSystem>()
+            .system::<SynthesisSystem>()
             .detail::<PatchDetail>()
             .detail::<Detail>()
     }

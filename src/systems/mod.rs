@@ -1,9 +1,10 @@
-//! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators, [`region_gnn`] and the [`landscape`] model;
+//! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators, [`region_gnn`], the [`landscape`] model and [`synthesis`];
 //! [`singan`] (trained) and [`gpnn`] (the exemplar's own patches) add detail to what they make, and the room `style` puts both together.
 
 pub mod task;
 pub mod classical;
 pub mod region_gnn;
+pub mod synthesis;
 pub mod singan;
 pub mod gpnn;
 pub mod landscape;

@@ -30,7 +30,7 @@ struct StylePictures {
     exemplar: Picture,
     lines: Picture,
     rebuilt: Picture,
-    coarse: Picture,
+    by_network: Picture,
     drawn: Picture,
     random: Picture,
     enhanced: Picture,
@@ -47,7 +47,7 @@ impl Page {
                 ("exemplar", &pictures.exemplar),
                 ("lines", &pictures.lines),
                 ("rebuilt", &pictures.rebuilt),
-                ("drawn-without-detail", &pictures.coarse),
+                ("drawn-by-network", &pictures.by_network),
                 ("drawn", &pictures.drawn),
                 ("random-lines", &pictures.random),
                 ("drawn-with-random-lines", &pictures.enhanced),
@@ -92,9 +92,11 @@ impl Page {
             "The drawing: ridges orange, valleys blue, high strokes lighter",
         )];
         for (s, pictures) in results.styles.iter().zip(&self.styles) {
-            figures
-                .push(Figure::new(&pictures.coarse, format!("In the style of {}, without detail", s.title)));
-            figures.push(Figure::new(&pictures.drawn, format!("In the style of {}, with detail", s.title)));
+            figures.push(Figure::new(
+                &pictures.by_network,
+                format!("In the style of {}, by the network with detail", s.title),
+            ));
+            figures.push(Figure::new(&pictures.drawn, format!("In the style of {}, by synthesis", s.title)));
         }
         report = report.figures(figures);
         let mut figures = Vec::new();
@@ -173,7 +175,7 @@ impl StylePictures {
             exemplar,
             lines,
             rebuilt: relief.draw(&s.rebuilt)?,
-            coarse: relief.draw(&s.coarse)?,
+            by_network: relief.draw(&s.by_network)?,
             drawn: relief.draw(&s.drawn)?,
             random: LineArt::try_from(&s.enhanced.0)?.on_paper(SCALE)?,
             enhanced: relief.draw(&s.enhanced.1)?,

@@ -17,8 +17,8 @@ pub(super) struct DemoStyle {
     pub(super) style: Style,
     /// The exemplar rebuilt from its own lines, metres.
     pub(super) rebuilt: Dem,
-    /// The drawing as terrain, without detail and with it.
-    pub(super) coarse: Dem,
+    /// The drawing as terrain, by the network with detail and by the synthesis.
+    pub(super) by_network: Dem,
     pub(super) drawn: Dem,
     /// The drawing with random lines (metres), and its terrain.
     pub(super) enhanced: (Sketch, Dem),

@@ -16,7 +16,7 @@ use crate::file;
 use crate::grid::{Cell, Grid};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{Sketch, samples};
-use crate::style::{Recipe, Source, Style, StyleConfig, add_detail, learn};
+use crate::style::{Method, NETWORK, Recipe, Source, Style, StyleConfig, add_detail, learn};
 use crate::systems::task::{DetailUse, RandomHeights, SketchToTerrain, with_random_lines};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -68,7 +68,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
         let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
-        let recipe = Recipe::network(&config, context.seed)?.with_patches()?;
+        let recipe = Recipe::network(&config, context.seed)?.with_patches()?.with_systems_for_drawings()?;
         let style = watched(context, None, None, |control| learn(&source, &recipe, control))?;
         timed(format!("training on {name}"), started);
         let started = Instant::now();
@@ -127,9 +127,12 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop())?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
     let detail = style.needed_detail()?;
-    let plain = |sketch: &Sketch| style.generate(&sketch.rasterize(), None, context.seed, &context.stop());
-    let terrain = |sketch: &Sketch| -> Result<Dem> {
-        let (coarse, lines) = (plain(sketch)?, sketch.rasterize());
+    let made = |sketch: &Sketch, method: &Method| {
+        style.generate(&sketch.rasterize(), method, None, context.seed, &context.stop())
+    };
+    let network = Method::System(NETWORK.to_owned());
+    let detailed = |sketch: &Sketch| -> Result<Dem> {
+        let (coarse, lines) = (made(sketch, &network)?, sketch.rasterize());
         let how = DetailUse::default();
         let heights =
             add_detail(&coarse, &**detail, range, Some(&lines), None, &how, context.seed, &context.stop())?;
@@ -137,8 +140,8 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     };
     let ground = ground_of(&style, range);
     let richer = with_random_lines(&drawing, RANDOM_NODES, RandomHeights::default(), ground, context.seed)?;
-    let coarse = Dem::new(plain(&drawing)?, source.dem.cell_size())?;
-    let (drawn, enhanced) = (terrain(&drawing)?, terrain(&richer)?);
+    let drawn = Dem::new(made(&drawing, &Method::Auto)?, source.dem.cell_size())?;
+    let (by_network, enhanced) = (detailed(&drawing)?, detailed(&richer)?);
     let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
     Ok(DemoStyle {
         name,
@@ -148,7 +151,7 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
         lines,
         style,
         rebuilt,
-        coarse,
+        by_network,
         drawn,
         enhanced: (richer, enhanced),
     })
@@ -162,7 +165,7 @@ fn write_data(results: &DemoResults, out: &Path) -> Result<()> {
         s.style.save(&file("style.safetensors"))?;
         io::write(&s.source.dem, &file("exemplar.tif"), &options)?;
         io::write(&s.rebuilt, &file("rebuilt.tif"), &options)?;
-        io::write(&s.coarse, &file("drawn-without-detail.tif"), &options)?;
+        io::write(&s.by_network, &file("drawn-by-network.tif"), &options)?;
         io::write(&s.drawn, &file("drawn.tif"), &options)?;
         io::write(&s.enhanced.1, &file("drawn-with-random-lines.tif"), &options)?;
         let geo = s.source.dem.georeference();
@@ -184,8 +187,8 @@ fn commands(styles: &[DemoStyle], quick: bool) -> Vec<String> {
         commands.push(format!("monadnock train {} -o {}-style.safetensors {crop}{settings}", s.name, s.name));
         for (file, more) in [
             ("drawn", String::new()),
-            ("drawn-without-detail", " --no-detail".to_owned()),
-            ("drawn-with-random-lines", format!(" --random-sketches {RANDOM_NODES}")),
+            ("drawn-by-network", " --method network".to_owned()),
+            ("drawn-with-random-lines", format!(" --method network --random-sketches {RANDOM_NODES}")),
         ] {
             commands.push(format!(
                 "monadnock generate {0}-style.safetensors --sketch {DRAWING} -o {0}-{file}.tif{more}",

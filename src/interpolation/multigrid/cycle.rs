@@ -4,8 +4,8 @@
 //! Smoother: a Chebyshev polynomial of the diagonally scaled operator (Adams, Brezina, Hu & Tuminaro 2003), which is
 //! symmetric and runs in parallel without an order. Coarsest raster: Cholesky factors.
 
-use super::energy::Energy;
 use super::plane::{Plane, Real};
+use super::raster::RasterOperator;
 use super::stencils::{Finer, Stencils, coarser};
 use crate::control::Stop;
 
@@ -39,21 +39,21 @@ struct Level<T> {
 }
 
 enum Operator<T> {
-    Raster(Energy, Plane<T>),
+    Raster(RasterOperator<T>),
     Coarse(Stencils<T>),
 }
 
 impl<T: Real> Operator<T> {
     fn apply_row(&self, x: &Plane<T>, row: usize, out: &mut [T]) {
         match self {
-            Self::Raster(energy, free) => energy.apply_row(x, row, free.row(row), out),
+            Self::Raster(raster) => raster.apply_row(x, row, out),
             Self::Coarse(stencils) => stencils.apply_row(x, row, out),
         }
     }
 
     const fn finer(&self) -> Finer<'_, T> {
         match self {
-            Self::Raster(energy, free) => Finer::Raster(*energy, free),
+            Self::Raster(raster) => Finer::Raster(raster),
             Self::Coarse(stencils) => Finer::Coarse(stencils),
         }
     }
@@ -62,14 +62,15 @@ impl<T: Real> Operator<T> {
 impl<T: Real> Level<T> {
     fn new(operator: Operator<T>) -> Self {
         let (rows, cols, bound) = match &operator {
-            Operator::Raster(energy, free) => (free.rows(), free.cols(), energy.spectral_bound()),
+            Operator::Raster(raster) => {
+                let (rows, cols) = raster.shape();
+                (rows, cols, raster.spectral_bound())
+            }
             Operator::Coarse(stencils) => (stencils.rows(), stencils.cols(), stencils.spectral_bound()),
         };
         let inverse_diagonal = Plane::from_fn(rows, cols, |row, col| {
             let diagonal = match &operator {
-                Operator::Raster(energy, free) => {
-                    free.row(row)[col].wide() * energy.diagonal(row, col, rows, cols)
-                }
+                Operator::Raster(raster) => raster.diagonal(row, col),
                 Operator::Coarse(stencils) => stencils.diagonal(row, col),
             };
             T::of(if diagonal > 0.0 { 1.0 / diagonal } else { 0.0 })
@@ -150,7 +151,7 @@ impl<T: Real> Level<T> {
             let (above, below) =
                 (coarse.wide_row(row / 2, 0), coarse.wide_row(row / 2, if row % 2 == 0 { -1 } else { 1 }));
             let free = match operator {
-                Operator::Raster(_, free) => Some(free.row(row)),
+                Operator::Raster(raster) => Some(raster.free_row(row)),
                 Operator::Coarse(_) => None,
             };
             let blend = |c: usize| near * above[c] + far * below[c];
@@ -219,9 +220,9 @@ fn restrict<T: Real>(fine: &Plane<T>, coarse: &mut Plane<T>) {
 }
 
 impl<T: Real> Cycle<T> {
-    /// Builds the hierarchy for the raster whose free cells are 1 in `free`.
-    pub(super) fn new(energy: Energy, free: Plane<T>, stop: &Stop) -> Self {
-        let mut levels = vec![Level::new(Operator::Raster(energy, free))];
+    /// Builds the hierarchy for an operator on the raster.
+    pub(super) fn new(raster: RasterOperator<T>, stop: &Stop) -> Self {
+        let mut levels = vec![Level::new(Operator::Raster(raster))];
         loop {
             let finest = levels.len() == 1;
             let last = &levels[levels.len() - 1];
@@ -326,7 +327,7 @@ impl Cholesky {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Stop;
+    use crate::interpolation::multigrid::energy::Energy;
     use crate::interpolation::multigrid::plane::{dot, sum_rows};
 
     const SIDES: [(usize, usize); 6] = [(1, 9), (9, 1), (12, 17), (13, 8), (40, 21), (33, 64)];
@@ -355,7 +356,8 @@ mod tests {
 
     /// The coarse plane carried to the raster of `free`.
     fn carried(coarse: &Plane<f64>, free: &Plane<f64>) -> Plane<f64> {
-        let mut level = Level::new(Operator::Raster(Energy::Membrane, free.clone()));
+        let raster = RasterOperator::new(Energy::Membrane, free.clone(), None);
+        let mut level = Level::new(Operator::Raster(raster));
         level.add_from(coarse);
         level.answer
     }
@@ -373,17 +375,28 @@ mod tests {
         }
     }
 
+    /// Both energies, free and held.
+    fn operators(rows: usize, cols: usize) -> Vec<(&'static str, RasterOperator<f64>, f64)> {
+        let held = Plane::from_fn(rows, cols, |r, c| scatter(rows, cols, 7).row(r)[c].abs() * 3.0);
+        let of = |energy, held| RasterOperator::new(energy, free(rows, cols), held);
+        vec![
+            ("membrane", of(Energy::Membrane, None), 0.7),
+            ("plate", of(Energy::Plate, None), 0.05),
+            ("held membrane", of(Energy::Membrane, Some(held)), 0.7),
+        ]
+    }
+
     #[test]
     fn coarse_operators_are_galerkin_products() {
-        for energy in [Energy::Membrane, Energy::Plate] {
-            for (rows, cols) in SIDES {
+        for (rows, cols) in SIDES {
+            for (name, raster, _) in operators(rows, cols) {
                 let free = free(rows, cols);
                 let coarse = scatter(coarser(rows), coarser(cols), 3);
-                let stencils = Stencils::galerkin(&Finer::Raster(energy, &free));
+                let stencils = Stencils::galerkin(&Finer::Raster(&raster));
                 let up = carried(&coarse, &free);
                 let mut bent = Plane::zeros(rows, cols);
                 bent.sweep(|row, out| {
-                    energy.apply_row(&up, row, free.row(row), out);
+                    raster.apply_row(&up, row, out);
                     0.0
                 });
                 let mut want = Plane::zeros(coarser(rows), coarser(cols));
@@ -392,7 +405,7 @@ mod tests {
                     let mut got = vec![0.0; want.cols()];
                     stencils.apply_row(&coarse, row, &mut got);
                     for (got, want) in got.iter().zip(want.row(row)) {
-                        assert!((got - want).abs() < 1e-12 * 64.0, "{energy:?} {rows}x{cols}");
+                        assert!((got - want).abs() < 1e-12 * 64.0, "{name} {rows}x{cols}");
                     }
                 }
             }
@@ -401,10 +414,10 @@ mod tests {
 
     #[test]
     fn the_cycle_is_a_symmetric_positive_near_inverse() {
-        for (energy, weakest) in [(Energy::Membrane, 0.7), (Energy::Plate, 0.05)] {
-            for (rows, cols) in SIDES {
+        for (rows, cols) in SIDES {
+            for (name, raster, weakest) in operators(rows, cols) {
                 let free = free(rows, cols);
-                let mut cycle = Cycle::<f64>::new(energy, free.clone(), &Stop::new());
+                let mut cycle = Cycle::<f64>::new(raster.clone(), &Stop::new());
                 let mut apply = |b: &Plane<f64>| {
                     *cycle.right_side_mut() = b.clone();
                     cycle.run().clone()
@@ -412,15 +425,15 @@ mod tests {
                 let (u, v) = (masked(&scatter(rows, cols, 4), &free), masked(&scatter(rows, cols, 5), &free));
                 let (mu, mv) = (apply(&u), apply(&v));
                 let (there, back) = (inner(&u, &mv), inner(&v, &mu));
-                assert!((there - back).abs() < 1e-9 * inner(&u, &mu), "{energy:?} {rows}x{cols}");
+                assert!((there - back).abs() < 1e-9 * inner(&u, &mu), "{name} {rows}x{cols}");
                 // The operator after the cycle: its Rayleigh quotient lies between `weakest` and a little over 1.
                 let mut amu = Plane::zeros(rows, cols);
                 amu.sweep(|row, out| {
-                    energy.apply_row(&mu, row, free.row(row), out);
+                    raster.apply_row(&mu, row, out);
                     0.0
                 });
                 let quotient = inner(&mu, &amu) / inner(&u, &mu);
-                assert!((weakest..1.0 + 1e-6).contains(&quotient), "{energy:?} {rows}x{cols}: {quotient}");
+                assert!((weakest..1.0 + 1e-6).contains(&quotient), "{name} {rows}x{cols}: {quotient}");
             }
         }
     }

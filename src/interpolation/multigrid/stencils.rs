@@ -8,8 +8,8 @@
 //! Rows of P at known cells are zero. So the coarse surfaces are those that vanish on the lines, whatever the lines' form,
 //! and the coarse operators are exact for them.
 
-use super::energy::Energy;
 use super::plane::{MARGIN, Plane, Real};
+use super::raster::RasterOperator;
 use rayon::prelude::*;
 
 /// Cells of a 5x5 stencil.
@@ -25,8 +25,8 @@ pub(super) struct Stencils<T> {
 
 /// Where the Galerkin product reads the finer operator from.
 pub(super) enum Finer<'a, T> {
-    /// The raster itself; 1 where a cell is free, 0 where it is known.
-    Raster(Energy, &'a Plane<T>),
+    /// The raster itself.
+    Raster(&'a RasterOperator<T>),
     /// A coarse raster.
     Coarse(&'a Stencils<T>),
 }
@@ -34,7 +34,7 @@ pub(super) enum Finer<'a, T> {
 impl<T: Real> Finer<'_, T> {
     const fn shape(&self) -> (usize, usize) {
         match self {
-            Self::Raster(_, free) => (free.rows(), free.cols()),
+            Self::Raster(raster) => raster.shape(),
             Self::Coarse(stencils) => (stencils.rows, stencils.cols),
         }
     }
@@ -42,20 +42,7 @@ impl<T: Real> Finer<'_, T> {
     /// The operator's row at a cell, or `None` when it is zero.
     fn stencil(&self, row: usize, col: usize) -> Option<[[f64; 5]; 5]> {
         match self {
-            Self::Raster(energy, free) => {
-                if free.row(row)[col].wide() == 0.0 {
-                    return None;
-                }
-                let (rows, cols) = self.shape();
-                let mut stencil = energy.stencil(row, col, rows, cols);
-                for (k, line) in stencil.iter_mut().enumerate() {
-                    let free = &free.wide_row(row, k as isize - MARGIN as isize)[col..col + 5];
-                    for (weight, free) in line.iter_mut().zip(free) {
-                        *weight *= free.wide();
-                    }
-                }
-                Some(stencil)
-            }
+            Self::Raster(raster) => raster.stencil(row, col),
             Self::Coarse(stencils) => {
                 let mut stencil = [[0.0; 5]; 5];
                 for (tap, weight) in stencil.as_flattened_mut().iter_mut().enumerate() {

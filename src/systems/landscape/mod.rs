@@ -122,6 +122,14 @@ impl System for LandscapeSystem {
     fn meets_lines(_: &Self::Config) -> bool {
         true
     }
+
+    fn check(_: &Self::Config, terrain: &Dem) -> Result<()> {
+        LandscapeFit::of(terrain.heights(), terrain.valid(), terrain.cell_size().mean()).map(drop)
+    }
+
+    fn is_complete(_: &Self::Config) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

@@ -104,6 +104,27 @@ pub trait System: Part + SketchToTerrain {
         config.clone()
     }
 
+    /// Whether `terrain`, the exemplar's with what lies around it, is enough for it.
+    ///
+    /// # Errors
+    /// Says what is missing.
+    fn check(_config: &Self::Config, _terrain: &Dem) -> Result<()> {
+        Ok(())
+    }
+
+    /// The share of line cells up to which a drawing is best given to it ([`Method::Auto`](crate::style::Method)); 0 for a system
+    /// that wants to be asked for by name.
+    #[must_use]
+    fn sparse_up_to(_config: &Self::Config) -> f64 {
+        0.0
+    }
+
+    /// Whether its terrain has all small forms already, so that a style's detail is not added unless asked for.
+    #[must_use]
+    fn is_complete(_config: &Self::Config) -> bool {
+        false
+    }
+
     /// Whether its terrain passes through its lines, so that what it leaves open there is nothing: detail is then measured on
     /// what it makes of terrain that it has not seen.
     #[must_use]
