@@ -57,10 +57,10 @@ def make(folder):
     ]
     for i, system in enumerate(systems):
         yield tif(f"system-{i}.tif", crs=system, transform=Affine(60, 0, 100000, 0, -60, 500000))
-        with_world = tif(f"sidecar-{i}.tif", crs=None, transform=Affine.identity())
-        (folder / f"sidecar-{i}.tfw").write_text("60\n0\n0\n-60\n100030\n499970\n")
-        (folder / f"sidecar-{i}.prj").write_text(pyproj.CRS.from_user_input(system).to_wkt("WKT1_ESRI" if "6360" not in system and "5703" not in system else "WKT1_GDAL"))
-        yield with_world
+    # GDAL reads a world file beside a GeoTIFF, but no .prj: those are read beside grids below.
+    world = tif("world.tif", crs=None, transform=None)
+    (folder / "world.tfw").write_text("60\n0\n0\n-60\n100030\n499970\n")
+    yield world
     for i, system in enumerate(["EPSG:4326", "EPSG:4269", "EPSG:4267", "+proj=longlat +R=1737400"]):
         yield tif(f"degrees-{i}.tif", crs=system, transform=Affine(0.001, 0, -117, 0, -0.001, 37))
     yield tif("point.tif", edit=lambda d: d.update_tags(AREA_OR_POINT="Point"))

@@ -270,8 +270,18 @@ impl Crs {
     }
 
     /// As the projection library has it.
-    pub(super) fn definition(&self) -> Option<CrsDef> {
-        let geographic = self.base_definition()?;
+    fn definition(&self) -> Option<CrsDef> {
+        self.definition_on(self.base_definition(DatumToWgs84::Unknown)?)
+    }
+
+    /// The system and the geographic one below it, for transformations between the two: that of a datum without a code is
+    /// taken for the Earth's, as the library finds no way from an unknown one even to itself.
+    pub(super) fn with_base(&self) -> Option<(CrsDef, CrsDef)> {
+        let base = self.base_definition(DatumToWgs84::Identity)?;
+        Some((self.definition_on(base.clone())?, base))
+    }
+
+    fn definition_on(&self, geographic: CrsDef) -> Option<CrsDef> {
         let datum = geographic.datum().clone();
         match self.map {
             Map::Geographic => Some(geographic),
@@ -287,10 +297,10 @@ impl Crs {
     }
 
     /// The geographic system below the projection.
-    pub(super) fn base_definition(&self) -> Option<CrsDef> {
+    fn base_definition(&self, to_wgs84: DatumToWgs84) -> Option<CrsDef> {
         let Ellipsoid { semi_major, flattening } = self.ellipsoid;
         let shape = proj_core::Ellipsoid::from_a_f(semi_major, flattening).ok()?;
-        let datum = Datum::new(shape, DatumToWgs84::Unknown).ok()?.with_epsg(self.datum);
+        let datum = Datum::new(shape, to_wgs84).ok()?.with_epsg(self.datum);
         Some(CrsDef::Geographic(GeographicCrsDef::new(self.base, datum, "")))
     }
 }

@@ -179,10 +179,7 @@ fn measured(crs: &Crs, [a, b, _, d, e, _]: [f64; 6], (x, y): (f64, f64)) -> Resu
             format!("not a place of that system ({reason}): say how large cells are with --cell-size M"),
         )
     };
-    let (from, to) = match (crs.definition(), crs.base_definition()) {
-        (Some(from), Some(to)) => (from, to),
-        _ => return Err(outside(&"its definition is incomplete")),
-    };
+    let (from, to) = crs.with_base().ok_or_else(|| outside(&"its definition is incomplete"))?;
     let inverse = Transform::from_crs_defs(&from, &to).map_err(|e| outside(&e))?;
     // A kilometre: far above the error of the inverse (below a millimetre), far below where curvature counts.
     let step = 1000.0 / crs.metres_per_unit().unwrap_or(1.0);
@@ -280,6 +277,22 @@ mod tests {
             assert_relative_eq!(size.y(), height, max_relative = 1e-5);
             assert_eq!(notes.contains("stretches the map"), corrected, "{epsg}: {notes}");
             assert!(!ground.assumed);
+        }
+    }
+
+    /// Systems that no code names, on ellipsoids with and without a known datum.
+    #[test]
+    fn definitions_without_a_code_are_measured() {
+        for text in [
+            "+proj=merc +lon_0=10 +datum=WGS84",
+            "+proj=merc +lon_0=10 +ellps=bessel",
+            "+proj=merc +lon_0=10 +R=6371000",
+            "+proj=merc +lon_0=10 +a=6378000 +rf=299",
+        ] {
+            let definition = Crs::parse(text).ok();
+            let place = Georeference { definition, ..placed([60.0, 0.0, 0.0, 0.0, -60.0, 8.36e6], None) };
+            let ground = place.ground((9, 9)).unwrap_or_else(|e| panic!("{text}: {e}"));
+            assert!((29.8..30.4).contains(&ground.cell_size.x()), "{text}: {ground:?}");
         }
     }
 

@@ -272,6 +272,9 @@ impl<T: Real> Cycle<T> {
     }
 }
 
+/// A pivot this small beside its diagonal is rounding: the coefficients are 32-bit floats, sums of a few dozen products.
+const DEPENDENT: f64 = 1e-6;
+
 /// Cholesky factors of the coarsest operator.
 struct Cholesky {
     factor: Vec<Vec<f64>>,
@@ -286,6 +289,7 @@ impl Cholesky {
         for (i, row) in a.iter_mut().enumerate() {
             row[i] = if row[i] > 0.0 { row[i] * (1.0 + 1e-9) + largest * 1e-12 } else { largest };
         }
+        let diagonal: Vec<f64> = (0..n).map(|i| a[i][i]).collect();
         for j in 0..n {
             for k in 0..j {
                 let a_jk = a[j][k];
@@ -293,8 +297,14 @@ impl Cholesky {
                     row[j] -= row[k] * a_jk;
                 }
             }
-            // Rounding may leave nothing of a dependent direction.
-            let pivot = a[j][j].max(largest * 1e-13).sqrt();
+            // Of a dependent direction only rounding is left, also below the diagonal, where dividing by a small pivot would
+            // blow it up: a single free cell spreads over four coarse ones that are multiples of each other.
+            if a[j][j] <= DEPENDENT * diagonal[j] {
+                a[j..].iter_mut().for_each(|row| row[j] = 0.0);
+                a[j][j] = diagonal[j].sqrt();
+                continue;
+            }
+            let pivot = a[j][j].sqrt();
             for row in &mut a[j..] {
                 row[j] /= pivot;
             }
