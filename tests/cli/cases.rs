@@ -46,7 +46,19 @@ fn generate(sketch: &Path, more: &[&str]) -> (Answer, Value) {
     let (at, folder) = (with_style(), temporary());
     let out = folder.path().join("o.tif");
     let (sketch, out) = (sketch.to_str().unwrap(), out.to_str().unwrap());
-    let answer = done(at, &[&["generate", "s.safetensors", "--sketch", sketch, "-o", out], more].concat());
+    // A range in which the heights of these sketches lie, whatever the style's window happens to be.
+    let args = [
+        "generate",
+        "s.safetensors",
+        "--sketch",
+        sketch,
+        "-o",
+        out,
+        "--elevation",
+        "1700,2600",
+        "--no-detail",
+    ];
+    let answer = done(at, &[&args, more].concat());
     let info = done(at, &["info", out, "--json"]).out;
     (answer, serde_json::from_str(&info).unwrap())
 }
@@ -201,7 +213,8 @@ fn a_sketch_comes_back_from_a_gis_and_lies_on_its_terrain() {
     std::fs::write(&path, through_a_gis(&ours)).unwrap();
     let bytes = |sketch: &Path, more: &[&str]| {
         let (sketch, out) = (sketch.to_str().unwrap(), at.join("o.tif"));
-        let args = ["generate", "s.safetensors", "--sketch", sketch, "-o", out.to_str().unwrap()];
+        let args =
+            ["generate", "s.safetensors", "--sketch", sketch, "-o", out.to_str().unwrap(), "--no-detail"];
         done(with_style(), &[&args, more].concat());
         std::fs::read(out).unwrap()
     };
@@ -297,7 +310,7 @@ fn zeros_feet_and_kinds_are_told() {
     let (_folder, path) = written(&feet.replace("1800]", "5904]"));
     for path in [Some(path), shared("sketch-feet.geojson")].into_iter().flatten() {
         let (answer, _) = generate(&path, &[]);
-        says(&answer.err, &["far outside the style's range", "5904.0 to", "--metres-per-unit 0.3048"]);
+        says(&answer.err, &["far outside the range of --elevation", "5904.0 to", "--metres-per-unit 0.3048"]);
         assert_eq!(generate(&path, &["--metres-per-unit", "0.3048"]).0.err, "");
     }
     let stated = beside_a_valley(ridge, "[[10,20,8200],[110,30,8528]]").replace("\"metres\"", "\"feet\"");
