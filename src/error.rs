@@ -51,6 +51,14 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
+    /// What was made breaks a bound that the user gave; it is written all the same.
+    #[error("{}: {broken}", path.display())]
+    Bound {
+        /// The file.
+        path: PathBuf,
+        /// The broken bounds, in whole sentences.
+        broken: String,
+    },
     /// The work was asked to end ([`Stop`](crate::control::Stop)); nothing was written.
     #[error("stopped")]
     Stopped,

@@ -4,6 +4,7 @@ use super::Context;
 use super::args::elevation;
 use super::console::Console;
 use super::outputs::{OutputKind, Outputs};
+use super::sketch_check::{CheckOptions, draw_variants, sheet_path, variant_path};
 use super::sketch_fill::StyleHeights;
 use super::sketch_input::{SketchOptions, in_metres};
 use super::sketch_map::MapOptions;
@@ -12,6 +13,7 @@ use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};
 use crate::machine;
+use crate::seed::Seed;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::sketch::{LineMap, Sketch};
 use crate::style::{Method, NETWORK, Style, add_detail};
@@ -28,6 +30,8 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch mine.geojson -o smooth.tif --no-detail
   monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --like alps.tif
   monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --bounds strokes
+  monadnock generate sierra.safetensors --sketch mine.geojson -o six.tif --variants 6
+  monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif --check --bound found=0.8
   monadnock --seed 2 generate sierra.safetensors --sketch mine.geojson -o other.tif --detail-strength 0.6
 
 A stroke may have no heights, or a few: the others are those that the style's ridges and valleys have (`sketch fill`).
@@ -77,8 +81,13 @@ pub(super) struct GenerateArgs {
     map: MapOptions,
     #[command(flatten)]
     reading: SketchOptions,
+    /// Terrain from so many seeds, beginning with --seed: OUTPUT, OUTPUT-2, ... and a picture of all, OUTPUT-variants.png
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=24))]
+    variants: u8,
     #[command(flatten)]
     detail: DetailOptions,
+    #[command(flatten)]
+    check: CheckOptions,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -122,17 +131,22 @@ struct DetailOptions {
     detail_mask: Option<PathBuf>,
 }
 
+/// What terrain was made from.
+#[derive(Clone, Copy)]
+struct Use<'a> {
+    style: &'a Style,
+    /// Whether the system made all small forms itself.
+    is_complete: bool,
+    lines: &'a LineMap,
+    /// Metres that stand for the style's range.
+    range: Normalization,
+    seed: Seed,
+}
+
 impl DetailOptions {
-    /// Adds the detail of `style` to `terrain`, in metres.
-    fn add(
-        &self,
-        style: &Style,
-        is_complete: bool,
-        terrain: Grid<f32>,
-        lines: &LineMap,
-        range: Normalization,
-        context: &Context,
-    ) -> Result<Grid<f32>> {
+    /// Adds the style's detail to `terrain`, in metres.
+    fn add(&self, how: &Use<'_>, terrain: Grid<f32>, context: &Context) -> Result<Grid<f32>> {
+        let Use { style, is_complete, lines, range, seed } = *how;
         let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
         if self.no_detail || ((style.detail.is_none() || is_complete) && !asked) {
             return Ok(terrain);
@@ -141,16 +155,7 @@ impl DetailOptions {
         let mask = self.detail_mask.as_deref().map(|path| mask(path, terrain.shape())).transpose()?;
         let how =
             DetailUse { strength: self.detail_strength, size: self.detail_size, ..DetailUse::default() };
-        add_detail(
-            &terrain,
-            &**detail,
-            range,
-            Some(lines),
-            mask.as_ref(),
-            &how,
-            context.seed,
-            &context.stop(),
-        )
+        add_detail(&terrain, &**detail, range, Some(lines), mask.as_ref(), &how, seed, &context.stop())
     }
 }
 
@@ -176,12 +181,21 @@ fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
 /// # Errors
 /// Whatever is wrong with the style, the sketch or the output path.
 pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
-    Outputs::new()
-        .writes("--output", &args.output, OutputKind::Terrain)
+    let variants: Vec<PathBuf> =
+        (0..usize::from(args.variants)).map(|i| variant_path(&args.output, i)).collect();
+    let sheet = (args.variants > 1).then(|| sheet_path(&args.output));
+    let mut outputs = Outputs::new();
+    for path in &variants {
+        outputs = outputs.writes("--output", path, OutputKind::Terrain);
+    }
+    outputs
+        .writes("--variants", &sheet, OutputKind::Picture)
+        .writes("--check-json", &args.check.check_json, OutputKind::Json)
         .reads(&args.style)
         .reads(&args.sketch)
         .reads(args.map.like())
         .check()?;
+    args.check.bounds()?;
     let style = context.registry.load(&args.style)?;
     let range = args.elevation.unwrap_or(style.origin.normalization);
     let missing = if args.interpolate_heights { MissingHeights::Interpolate } else { MissingHeights::Leave };
@@ -209,22 +223,29 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         args.sketch.display(),
         system.name()
     ));
-    let terrain = style.generate(&lines, &args.method, Some(range), context.seed, &context.stop())?;
-    let is_complete = system.is_complete();
-    let terrain =
-        args.detail.add(&style, is_complete, terrain, &lines, range, context).map_err(|e| match e {
+    let mut made = Vec::new();
+    for (i, path) in variants.iter().enumerate() {
+        let seed = Seed(context.seed.0.wrapping_add(i as u64));
+        let terrain = style.generate(&lines, &args.method, Some(range), seed, &context.stop())?;
+        let how = Use { style: &style, is_complete: system.is_complete(), lines: &lines, range, seed };
+        let terrain = args.detail.add(&how, terrain, context).map_err(|e| match e {
             Error::Value { .. } => e.in_file(&args.style),
             other => other,
         })?;
-    let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
-    io::write(&dem, &args.output, &WriteOptions::default())?;
-    let (low, high) = dem.range();
-    let ((rows, cols), side) = (dem.shape(), dem.cell_size().mean());
-    context.console.line(format!(
-        "{}: {rows}x{cols} cells of {side:.2} m, {low:.1} to {high:.1} m",
-        args.output.display()
-    ));
-    Ok(())
+        let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
+        io::write(&dem, path, &WriteOptions::default())?;
+        let (low, high) = dem.range();
+        let ((rows, cols), side) = (dem.shape(), dem.cell_size().mean());
+        context
+            .console
+            .line(format!("{}: {rows}x{cols} cells of {side:.2} m, {low:.1} to {high:.1} m", path.display()));
+        made.push((format!("seed {}", seed.0), dem));
+    }
+    if let Some(sheet) = &sheet {
+        draw_variants(&made, &sketch, sheet)?;
+        context.console.line(format!("wrote {}", sheet.display()));
+    }
+    args.check.run(&made[0].1, &sketch, &args.output, context)
 }
 
 /// `network` is how people call the first system.

@@ -14,6 +14,7 @@ mod eval;
 mod experiment;
 mod extract;
 mod generate;
+mod sketch_check;
 mod info;
 mod outputs;
 mod render;
@@ -35,6 +36,8 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
+/// Exit code of terrain that breaks a bound of its sketch.
+const BROKEN_BOUND: u8 = 3;
 /// What shells give for a program that Ctrl-C ended.
 const INTERRUPTED: u8 = 130;
 
@@ -57,6 +60,7 @@ Exit codes:
   0  done
   1  failed: the message says which file, which field, the value found and what is allowed
   2  the command line was not understood
+  3  done, but a bound given with generate --bound is broken
   130  stopped by Ctrl-C: nothing half written is left";
 
 /// What the long help says beside.
@@ -182,7 +186,11 @@ pub fn run_with(registry: Registry, args: impl Iterator<Item = OsString>) -> Exi
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console::print_error(&error);
-            if matches!(error, Error::Stopped) { ExitCode::from(INTERRUPTED) } else { ExitCode::FAILURE }
+            match error {
+                Error::Stopped => ExitCode::from(INTERRUPTED),
+                Error::Bound { .. } => ExitCode::from(BROKEN_BOUND),
+                _ => ExitCode::FAILURE,
+            }
         }
     }
 }
