@@ -258,7 +258,7 @@ impl Crs {
         }
         let unwritable = |reason: &str| undefined(&self.in_words(), reason);
         let definition = self.definition().ok_or_else(|| unwritable("its ellipsoid is impossible"))?;
-        proj_wkt::to_wkt2(&definition).map_err(|e| unwritable(&e.to_string()))
+        proj_wkt::to_wkt(&definition).map_err(|e| unwritable(&e.to_string()))
     }
 
     /// Its projection, when it can be undone.
