@@ -40,7 +40,8 @@ for words in sorted(here.glob("*.json")):
         assert np.isnan(d.nodata)
         assert np.allclose(list(d.transform)[:6], wanted["transform"], rtol=1e-13), (path, d.transform)
         epsg = d.crs.to_epsg() if d.crs else None
-        assert epsg == wanted["epsg"], (path, d.crs)
+        # GDAL finds codes for some that have none.
+        assert wanted["definition"] or epsg == wanted["epsg"], (path, d.crs)
         if wanted["definition"]:
             # A system without a code: the same to whoever computes with it.
             ours, gdals = (pyproj.CRS.from_wkt(wkt) for wkt in (as_proj_has_it(wanted["definition"]), d.crs.to_wkt()))
