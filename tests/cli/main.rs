@@ -48,7 +48,10 @@ fn fails(folder: &Path, args: &[&str], code: i32, words: &[&str]) {
     let answer = run(folder, args);
     assert_eq!(answer.code, code, "{args:?}: {}{}", answer.out, answer.err);
     assert!(answer.out.is_empty(), "{args:?} reported {}", answer.out);
-    assert!(answer.err.starts_with("error: "), "{args:?}: {}", answer.err);
+    // Before it, what was assumed of the terrain.
+    let mut lines =
+        answer.err.lines().skip_while(|line| line.starts_with("note: ") || line.starts_with("warning: "));
+    assert!(lines.next().is_some_and(|line| line.starts_with("error: ")), "{args:?}: {}", answer.err);
     assert!(!answer.err.contains("panicked"), "{args:?}: {}", answer.err);
     for word in words {
         assert!(answer.err.contains(word), "{args:?}: {word:?} is missing in: {}", answer.err);

@@ -112,7 +112,10 @@ def facts(crs):
     found = {"a": ellipsoid.semi_major_metre, "rf": ellipsoid.inverse_flattening}
     if crs.is_projected:
         found |= {"unit": crs.axis_info[0].unit_conversion_factor, "method": crs.coordinate_operation.method_name.split(" (")[0]}
-        probe = pyproj.Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True).transform(-100.0, 41.0)
+        try:
+            probe = pyproj.Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True).transform(-100.0, 41.0)
+        except pyproj.exceptions.ProjError as error:
+            probe = (str(error), crs.to_wkt())
         found |= {"probe x": probe[0], "probe y": probe[1]}
     return found
 
