@@ -200,7 +200,7 @@ fn given_heights_stay_and_contradictions_are_named() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(16))]
     #[test]
     fn any_drawing_gets_heights_and_open_valleys_fall(
         strokes in prop::collection::vec(
