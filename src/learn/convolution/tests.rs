@@ -60,7 +60,11 @@ fn kernel_twin(image: &Tensor, weights: &Tensor, side: usize, stride: usize) -> 
     let image = image.permute((2, 0, 1)).unwrap().unsqueeze(0).unwrap().contiguous().unwrap();
     let weights = weights.reshape((side, side, channels, out_channels)).unwrap();
     let weights = weights.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
-    let out = image.conv2d(&weights, 0, stride, 1, 1).unwrap();
+    // candle's way back of a stride fails where rows and columns leave over different numbers of cells.
+    let whole = image.conv2d(&weights, 0, 1, 1, 1).unwrap();
+    let every = |n: usize| Tensor::from_iter((0..n as u32).step_by(stride), &Device::Cpu).unwrap();
+    let (_, _, rows, cols) = whole.dims4().unwrap();
+    let out = whole.index_select(&every(rows), 2).unwrap().index_select(&every(cols), 3).unwrap();
     out.squeeze(0).unwrap().permute((1, 2, 0)).unwrap().contiguous().unwrap()
 }
 

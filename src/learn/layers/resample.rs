@@ -235,7 +235,7 @@ mod tests {
             map.forward(&x, &mut forward);
             map.backward(&y, &mut back, false);
             let (a, b) = (dot(&forward, &y), dot(&x, &back));
-            assert!(a.abs() > 1.0 && (a - b).abs() < 1e-3 * a.abs(), "{a} {b}");
+            assert!(a.abs() > 0.1 && (a - b).abs() < 1e-3 * a.abs(), "{a} {b}");
             map.backward(&y, &mut back, true);
             assert!((dot(&x, &back) - 2.0 * b).abs() < 1e-3 * a.abs());
         }
