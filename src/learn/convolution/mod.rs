@@ -179,4 +179,4 @@ fn swap(values: &[f32], b: usize, out: &mut Vec<f32>) {
 }
 
 #[cfg(test)]
-pub(in crate::learn) mod tests;
+mod tests;

@@ -54,27 +54,17 @@ fn equals_candle_forward_and_backward() {
     }
 }
 
-/// candle's convolution over what its windows reach: its backward pass takes the cells that a stride leaves over at the south for
-/// those at the east, and fails where they differ.
-pub(in crate::learn) fn candles_conv2d(
-    image: &Tensor,
-    weights: &Tensor,
-    side: usize,
-    stride: usize,
-) -> Tensor {
-    let reached = |length: usize| (length - side) / stride * stride + side;
-    let (_, _, rows, cols) = image.dims4().unwrap();
-    let image = image.narrow(2, 0, reached(rows)).unwrap().narrow(3, 0, reached(cols)).unwrap();
-    image.contiguous().unwrap().conv2d(weights, 0, stride, 1, 1).unwrap()
-}
-
 /// candle's convolution of any side and stride in double precision, from and to our layout.
 fn kernel_twin(image: &Tensor, weights: &Tensor, side: usize, stride: usize) -> Tensor {
     let (_, channels, out_channels) = weights.dims3().unwrap();
     let image = image.permute((2, 0, 1)).unwrap().unsqueeze(0).unwrap().contiguous().unwrap();
     let weights = weights.reshape((side, side, channels, out_channels)).unwrap();
     let weights = weights.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
-    let out = candles_conv2d(&image, &weights, side, stride);
+    // candle's way back of a stride fails where rows and columns leave over different numbers of cells.
+    let whole = image.conv2d(&weights, 0, 1, 1, 1).unwrap();
+    let every = |n: usize| Tensor::from_iter((0..n as u32).step_by(stride), &Device::Cpu).unwrap();
+    let (_, _, rows, cols) = whole.dims4().unwrap();
+    let out = whole.index_select(&every(rows), 2).unwrap().index_select(&every(cols), 3).unwrap();
     out.squeeze(0).unwrap().permute((1, 2, 0)).unwrap().contiguous().unwrap()
 }
 

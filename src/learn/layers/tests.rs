@@ -3,7 +3,6 @@
 
 use super::*;
 use crate::learn::convolution::Plane;
-use crate::learn::convolution::tests::candles_conv2d;
 use crate::learn::gan::{NormOver, add_gradient_penalty};
 use candle_core::{DType, Device, Tensor, Var};
 
@@ -221,6 +220,25 @@ fn padded(x: &Tensor, padding: Padding) -> Tensor {
     by_matrices(x, of, (rows + 2 * width, cols + 2 * width))
 }
 
+/// Every so many rows and columns, the first ones included. A stride in candle's own convolution has a way back that fails where
+/// rows and columns leave over different numbers of cells.
+fn every(x: &Tensor, step: usize) -> Tensor {
+    let (_, _, rows, cols) = x.dims4().unwrap();
+    let every = |n: usize| Tensor::from_iter((0..n as u32).step_by(step), &Device::Cpu).unwrap();
+    x.index_select(&every(rows), 2).unwrap().index_select(&every(cols), 3).unwrap()
+}
+
+/// Zeros between rows and columns.
+fn spread(x: &Tensor, step: usize) -> Tensor {
+    let row = |inputs, i: usize| {
+        let taps = [((i / step) as isize, 1.0)];
+        row_of(inputs, if i.is_multiple_of(step) { &taps } else { &[] })
+    };
+    let (_, _, rows, cols) = x.dims4().unwrap();
+    let sizes = ((rows - 1) * step + 1, (cols - 1) * step + 1);
+    by_matrices(x, |inputs, outputs| (0..outputs).map(|i| row(inputs, i)).collect(), sizes)
+}
+
 fn normalised(x: &Tensor, norm: Norm) -> Tensor {
     let over: &[usize] = match norm {
         Norm::Batch => &[0, 2, 3],
@@ -259,19 +277,25 @@ fn twin(case: &Case, values: &Tensor, inputs: &[Tensor], kept: &Tape) -> Tensor 
         let next = match &layer.kind {
             Kind::Input => inputs.next().unwrap(),
             Kind::Conv { from, conv, .. } => {
-                let x = padded(&done[*from], conv.padding);
-                let w =
-                    part(weights).reshape((conv.side, conv.side, x.dim(1).unwrap(), layer.channels)).unwrap();
-                let x = x.contiguous().unwrap();
-                let x = if conv.transposed {
-                    // (taps, output channels, input channels)
-                    let shape = (conv.side, conv.side, layer.channels, x.dim(1).unwrap());
-                    let w = w.reshape(shape).unwrap().permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
-                    x.conv_transpose2d(&w, conv.padding.width(), 0, conv.stride, 1).unwrap()
+                let inputs = case.net.layers[*from].channels;
+                let w = if conv.transposed {
+                    // (taps, output channels, input channels), turned round.
+                    let w = part(weights).reshape((conv.side, conv.side, layer.channels, inputs)).unwrap();
+                    let back = Tensor::from_iter((0..conv.side as u32).rev(), &Device::Cpu).unwrap();
+                    let w = w.index_select(&back, 0).unwrap().index_select(&back, 1).unwrap();
+                    w.permute((2, 3, 0, 1)).unwrap()
                 } else {
-                    let w = w.permute((3, 2, 0, 1)).unwrap().contiguous().unwrap();
-                    candles_conv2d(&x, &w, conv.side, conv.stride)
+                    let w = part(weights).reshape((conv.side, conv.side, inputs, layer.channels)).unwrap();
+                    w.permute((3, 2, 0, 1)).unwrap()
                 };
+                let x = if conv.transposed {
+                    let zeros = Padding::Zero(conv.side - 1 - conv.padding.width());
+                    padded(&spread(&done[*from], conv.stride), zeros)
+                } else {
+                    padded(&done[*from], conv.padding)
+                };
+                let x = x.contiguous().unwrap().conv2d(&w.contiguous().unwrap(), 0, 1, 1, 1).unwrap();
+                let x = if conv.transposed { x } else { every(&x, conv.stride) };
                 let x = match conv.norm {
                     Some(norm) => normalised(&x, norm).broadcast_mul(&per_channel(gains)).unwrap(),
                     None => x,
