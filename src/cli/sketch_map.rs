@@ -176,7 +176,15 @@ impl MapOptions {
                 around(outline.bounds.ok_or_else(none)?).map_err(|e| e.in_file(path))?
             }
         };
-        let place = |size| between(b, outline.epsg, size);
+        let is_lon_lat = b.west >= -180.0 && b.east <= 180.0 && b.south >= -90.0 && b.north <= 90.0;
+        let epsg = outline.epsg.or_else(|| is_lon_lat.then_some(4326));
+        if outline.epsg.is_none() && is_lon_lat {
+            console.note(format!(
+                "{}: names no coordinate system: longitude and latitude (EPSG:4326), as GeoJSON has them",
+                path.display()
+            ));
+        }
+        let place = |size| between(b, epsg, size);
         // One cell for all tells how large the map is on the ground.
         let whole = place((1, 1)).ground((1, 1)).map_err(|e| e.in_file(path))?.cell_size;
         let side = self.cell_size.map_or(style.mean(), CellSize::mean);

@@ -38,7 +38,7 @@ fn detail_is_trained_added_and_left_out() {
     let json: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
     assert_eq!(json["detail"]["config"]["steps"], 6);
 
-    let base = ["generate", "s.safetensors", "--sketch", "lambda-ring", "-o"];
+    let base = ["generate", "s.safetensors", "--method", "network", "--sketch", "lambda-ring", "-o"];
     let make = |file: &str, more: &[&str]| {
         done(at, &[&base[..], &[file], more].concat());
         heights(&at.join(file))
@@ -109,7 +109,7 @@ fn a_style_without_detail_still_makes_terrain_and_says_what_it_lacks() {
     let at = folder.path();
     done(at, &[&BRIEF[..], &["--no-detail"]].concat());
     assert!(done(at, &["info", "s.safetensors"]).out.contains("--no-detail"));
-    let base = ["generate", "s.safetensors", "--sketch", "lambda-ring", "-o"];
+    let base = ["generate", "s.safetensors", "--method", "network", "--sketch", "lambda-ring", "-o"];
     done(at, &[&base[..], &["a.tif"]].concat());
     done(at, &[&base[..], &["b.tif", "--no-detail"]].concat());
     assert_eq!(heights(&at.join("a.tif")), heights(&at.join("b.tif")));
@@ -196,7 +196,7 @@ fn an_interrupted_detail_training_is_resumed_and_a_budget_is_kept() {
     child.kill().unwrap();
     child.wait().unwrap();
     // Usable already, without detail.
-    done(at, &["generate", "s.safetensors", "--sketch", "lambda-ring", "-o", "a.tif"]);
+    done(at, &["generate", "s.safetensors", "--method", "network", "--sketch", "lambda-ring", "-o", "a.tif"]);
     fails(at, &[&BRIEF[..], &["--resume", "--set", "detail.penalty=0.2"]].concat(), 1, &["to resume"]);
     fails(at, &[&BRIEF[..], &["--resume", "--seed", "3"]].concat(), 1, &["to resume"]);
     // The interrupted one had another schedule: begun anew it is the first one to the bit, tensors and all but the times.
@@ -238,7 +238,7 @@ fn patches_are_detail_that_needs_no_training() {
     let reused = ["--set", "model.epochs=3", "--coarse", "s.safetensors", "--detail-model", "patches", "-o"];
     done(at, &[&without_epochs[..], &reused[..], &["q.safetensors", "-q"]].concat());
     let make = |style: &str, file: &str, more: &[&str]| {
-        done(at, &[&["generate", style, "--sketch", "lambda-ring", "-o", file], more].concat());
+        done(at, &[&["generate", style, "--method", "network", "--sketch", "lambda-ring", "-o", file], more].concat());
         heights(&at.join(file))
     };
     let with = make("p.safetensors", "a.tif", &[]);

@@ -263,7 +263,7 @@ fn strokes_without_heights_are_filled_and_generated() {
         "feature 1",
         "filled.geojson: 3 strokes",
     ] {
-        assert!(answer.out.contains(word), "{word:?} is missing in: {}", answer.out);
+        assert!(answer.all().contains(word), "{word:?} is missing in: {}", answer.all());
     }
     let info: Value = serde_json::from_str(&done(at, &["info", "open.geojson", "--json"]).out).unwrap();
     assert_eq!(info["vertices_without_height"], 7);
