@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arrays_come_back_from_a_file_and_strangers_are_named() {
+    fn arrays_come_back_from_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("kept");
         let (mut part, mut all) = (Arrays::default(), Arrays::default());

@@ -243,7 +243,9 @@ fn printed_numbers_and_losses_stand_in_the_report() {
     let tables = documents::of_record(&ran.record, Form::Markdown).unwrap();
     assert!(tables.contains("An interpolator has the higher PSNR"), "{tables}");
     let lost = ran.page.contains("An interpolator has the higher PSNR");
-    assert!(lost && ran.page.contains("error in the border"));
+    // Whether there is a patch to list hangs on a training of seconds.
+    let is_none_lost = ran.page.contains("on 0 of ");
+    assert!(lost && ran.page.contains("error in the border") != is_none_lost);
 }
 
 #[test]

@@ -278,7 +278,7 @@ fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
         let source = Source::new("bad", dem, Cell::new(0, 0), rows, cols).unwrap();
         learn(&source, &brief(Preset::Anchored, 1)).unwrap_err().to_string()
     };
-    assert!(refused(&Dem::new(Grid::filled(64, 64, 5.0), cell).unwrap()).contains("line cells"));
+    assert!(refused(&Dem::new(Grid::filled(64, 64, 5.0), cell).unwrap()).contains("window with relief"));
     let small = whole.dem.crop(Cell::new(0, 0), 31, 64).unwrap();
     let message = refused(&small);
     assert!(message.contains("31x64"), "{message}");

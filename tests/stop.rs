@@ -77,7 +77,17 @@ fn trainings_stop_and_can_be_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("s.safetensors");
     let endless = Recipe::network(&config(FOREVER), Seed(1)).unwrap();
-    stops("training", |stop| learned(&endless, 64, kept(&path, false), stop));
+    // In the third step, however fast the machine is: a state is kept after each.
+    let stop = Stop::new();
+    let mut steps = 0;
+    let mut watch = |_: &Progress<'_>| {
+        steps += 1;
+        if steps == 3 {
+            stop.raise();
+        }
+    };
+    let control = Control { checkpoints: kept(&path, false), stop: stop.clone(), ..Control::new(&mut watch) };
+    assert!(matches!(learn(&source(64), &endless, control), Err(Error::Stopped)));
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(left, ["s.safetensors.gnn-checkpoint"], "the state, whole, and no style");
     let short = Recipe::network(&config(2), Seed(1)).unwrap();

@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn false_endings_are_refused_and_right_ones_in_any_case_are_not() {
+    fn false_endings_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let kinds = [
             (OutputKind::Terrain, "x.TIF", "x.jpg"),
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn two_outputs_at_one_path_are_refused_by_whatever_names() {
+    fn two_outputs_at_one_path_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         std::fs::create_dir(at.join("a")).unwrap();

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn voids_stay_and_do_not_reach_the_heights_beside_them() {
+    fn voids_stay_and_reach_no_heights() {
         let is_void = |c: Cell| (20..40).contains(&c.row) && (30..50).contains(&c.col);
         let (old, whole) = (cone(|c| !is_void(c)), cone(|_| true).on_square_cells().unwrap().unwrap());
         let new = old.on_square_cells().unwrap().unwrap();

@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_comes_back_from_its_gradients_and_one_height() {
+    fn a_surface_comes_back_from_its_gradients() {
         for (rows, cols) in [(1, 9), (33, 20), (100, 130)] {
             let hills = hills(rows, cols);
             let held = Cell::new(rows / 2, cols / 3);
@@ -154,7 +154,7 @@ mod tests {
 
     /// The optimum: at every cell the energy's derivative is zero.
     #[test]
-    fn the_equation_holds_at_every_cell_and_any_start_gives_the_same() {
+    fn the_equation_holds_from_any_start() {
         let (rows, cols) = (45, 64);
         let weights = Grid::from_fn(rows, cols, |c| if (c.row + 3 * c.col) % 17 == 0 { 4.0 } else { 1e-3 });
         let targets = Grid::from_fn(rows, cols, |c| ((c.row * 13 + c.col * 7) % 50) as f64);

@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cell_where_a_stroke_leaves_is_no_corner_of_where_it_comes_back() {
+    fn a_stroke_that_leaves_makes_no_corner() {
         // It leaves over a corner of (0, 2) and comes back down column 1.
         let stroke = [(1.0, 1.0, 1.0), (2.0, -1.2, 1.0), (1.0, -3.0, 1.0), (1.0, 0.0, 1.0)];
         let plain: Vec<_> = cells(&stroke, 3, 5).iter().map(|&(r, c, _)| (r, c)).collect();

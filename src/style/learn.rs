@@ -9,6 +9,12 @@ use crate::systems::task::{Exemplar, Source};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// Level ground is the one exemplar without a mean slope.
+fn level(_: Error) -> Error {
+    let allowed = "the exemplar shows no ridge or valley; choose a window with relief";
+    Error::value("relief of the exemplar", "0 m", allowed)
+}
+
 /// Share of a long budget that coarse systems get before detail that is trained: both reach their plateau in about this proportion.
 const COARSE_SHARE: f64 = 0.3;
 /// Seconds in which a coarse system comes near its plateau on two cores; a short budget gives it half of itself, up to these.
@@ -56,7 +62,7 @@ pub fn learn(source: &Source, recipe: &Recipe, control: Control<'_>) -> Result<S
             seed: recipe.seed,
             normalization: exemplar.normalization,
             exemplar: source.info.clone(),
-            mean_slope: Some(mean_valid_slope(&exemplar.heights, source.dem.valid())?),
+            mean_slope: Some(mean_valid_slope(&exemplar.heights, source.dem.valid()).map_err(level)?),
             extraction: recipe.extraction.clone(),
         },
         coarse: Vec::new(),

@@ -154,6 +154,9 @@ pub trait SystemPlan: Debug + Send + Sync {
     /// As there.
     fn check(&self, terrain: &Dem) -> Result<()>;
 
+    /// As [`System::is_complete`].
+    fn is_complete(&self) -> bool;
+
     /// The plan for half of the exemplar: [`System::for_half`].
     fn halved(&self) -> Arc<dyn SystemPlan>;
 
@@ -213,6 +216,10 @@ impl<S: System> SystemPlan for Planned<S> {
 
     fn check(&self, terrain: &Dem) -> Result<()> {
         S::check(&self.0, terrain)
+    }
+
+    fn is_complete(&self) -> bool {
+        S::is_complete(&self.0)
     }
 
     fn halved(&self) -> Arc<dyn SystemPlan> {

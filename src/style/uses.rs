@@ -18,7 +18,7 @@ impl Style {
     ///
     /// A system's usual way has its name; others have more behind it. Those that end beside their lines come also with the harmonic
     /// correction (`+harmonic`), and a style with detail has each once more with it (`+detail`, which ends with a correction of
-    /// its own).
+    /// its own), but for those whose terrain is complete.
     #[must_use]
     pub fn uses(&self) -> Vec<Named> {
         let mut all = Vec::new();
@@ -35,7 +35,7 @@ impl Style {
                     all.push((format!("{name}{HARMONIC}"), Arc::new(harmonic(start.clone()))));
                 }
             }
-            if let Some(detail) = &self.detail {
+            if let Some(detail) = self.detail.as_ref().filter(|_| !system.is_complete()) {
                 all.extend(starts.into_iter().map(|(name, _, start)| -> Named {
                     (format!("{name}{DETAIL}"), Arc::new(detailed(start, detail.clone())))
                 }));
@@ -56,7 +56,12 @@ pub fn names(plans: &[Arc<dyn SystemPlan>], has_detail: bool) -> Vec<String> {
             names.push(name.clone());
             names.extend(way.corrected.then(|| format!("{name}{HARMONIC}")));
         }
-        names.extend(starts.iter().filter(|_| has_detail).map(|(name, _)| format!("{name}{DETAIL}")));
+        names.extend(
+            starts
+                .iter()
+                .filter(|_| has_detail && !plan.is_complete())
+                .map(|(name, _)| format!("{name}{DETAIL}")),
+        );
     }
     names
 }

@@ -238,7 +238,11 @@ fn patches_are_detail_that_needs_no_training() {
     let reused = ["--set", "model.epochs=3", "--coarse", "s.safetensors", "--detail-model", "patches", "-o"];
     done(at, &[&without_epochs[..], &reused[..], &["q.safetensors", "-q"]].concat());
     let make = |style: &str, file: &str, more: &[&str]| {
-        done(at, &[&["generate", style, "--method", "network", "--sketch", "lambda-ring", "-o", file], more].concat());
+        done(
+            at,
+            &[&["generate", style, "--method", "network", "--sketch", "lambda-ring", "-o", file], more]
+                .concat(),
+        );
         heights(&at.join(file))
     };
     let with = make("p.safetensors", "a.tif", &[]);
@@ -263,7 +267,7 @@ fn patches_are_detail_that_needs_no_training() {
     assert_eq!(heights(&at.join("g.tif")).len(), 40 * 64);
     fails(at, &["sample", "p.safetensors", "--size", "12", "-o", "x.tif"], 1, &["12x12", "16x16"]);
 
-    let other = [&without_epochs[..], &reused[..], &["x.tif", "--seed", "2"]].concat();
+    let other = [&without_epochs[..], &reused[..], &["x.safetensors", "--seed", "2"]].concat();
     fails(at, &other, 1, &["s.safetensors", "seed", "coarse model"]);
     let settings = ["--set", "detail.steps=9", "--detail-model", "patches", "-o", "x.safetensors"];
     fails(at, &[&take[..], &settings[..]].concat(), 1, &["patches", "[detail]"]);

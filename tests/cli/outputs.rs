@@ -5,10 +5,11 @@ use std::path::Path;
 
 /// Everything that writes: the command without the option, the option, a wrong ending, and a good name. `STYLE` is a file
 /// that is no style: whoever read it before looking at the outputs would complain about it.
-const WRITERS: [(&[&str], &str, &str, &str); 12] = [
+const WRITERS: [(&[&str], &str, &str, &str); 13] = [
     (&["extract", "hill.asc"], "--output", "x.shp", "x.geojson"),
     (&["train", "hill.asc"], "--output", "x.pt", "x.safetensors"),
     (&["generate", "STYLE", "--sketch", "lambda-ring"], "--output", "x.jpg", "x.tif"),
+    (&["generate", "STYLE", "--sketch", "lambda-ring", "-o", "y.tif"], "--check-json", "x.txt", "x.json"),
     (&["amplify", "STYLE", "hill.asc", "--factor", "2"], "--output", "x.obj", "x.tif"),
     (&["sample", "STYLE", "--size", "64"], "--output", "x.bmp", "x.png"),
     (&["render", "hill.asc"], "--output", "x.jpg", "x.png"),
@@ -35,7 +36,7 @@ fn names(at: &Path) -> Vec<String> {
 }
 
 #[test]
-fn false_names_are_refused_by_every_verb_before_the_work() {
+fn false_names_are_refused_before_the_work() {
     let folder = temporary();
     let at = folder.path();
     prepare(at);
@@ -74,7 +75,7 @@ fn the_table_knows_every_option_that_writes() {
     for (verb, options) in [
         ("extract", &["--output"][..]),
         ("train", &["--output"]),
-        ("generate", &["--output"]),
+        ("generate", &["--output", "--check-json"]),
         ("amplify", &["--output"]),
         ("sample", &["--output"]),
         ("render", &["--output"]),
@@ -117,7 +118,7 @@ fn two_outputs_to_one_path_are_refused() {
 }
 
 #[test]
-fn endings_count_in_any_case_and_devices_take_anything() {
+fn endings_count_in_any_case() {
     let folder = temporary();
     let at = folder.path();
     prepare(at);

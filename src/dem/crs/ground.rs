@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn unlabelled_coordinates_that_could_be_degrees_are_refused() {
+    fn coordinates_like_degrees_are_refused() {
         let degrees = [
             ([0.0008, 0.0, 8.0, 0.0, -0.0008, 47.0], (1201, 1201)),
             ([0.05, 0.0, -118.5, 0.0, -0.05, 39.7], (64, 72)),

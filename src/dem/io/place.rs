@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_given_cell_size_overrules_a_place_that_makes_no_sense() {
+    fn a_given_cell_size_overrules_the_place() {
         let (path, none) = (Path::new("x"), Sidecars::default());
         let place = Place { transform: Some([0.0; 6]), ..Place::NOWHERE };
         let mut said = Said::default();

@@ -68,7 +68,7 @@ fn the_figures_are_those_of_mountains() {
 }
 
 #[test]
-fn a_valley_falls_to_the_frame_and_no_faster_than_the_style() {
+fn a_valley_falls_to_the_frame() {
     let one = filled(&[(Valley, RIVER)]);
     let z = heights(&one.sketch.strokes[0]);
     assert!(falls(&z), "{z:?}");
@@ -106,7 +106,7 @@ fn tributaries_join_their_river() {
 }
 
 #[test]
-fn ridges_stand_above_the_valleys_beside_them_and_agree_where_they_cross() {
+fn ridges_stand_above_valleys_and_crossings_agree() {
     let crest = [(20.0, 30.0, None), (30.0, 100.0, None)];
     let across = [(20.0, 80.0, None), (120.0, 84.0, None)];
     let all = filled(&[(Valley, RIVER), (Ridge, &crest), (Ridge, &across)]);
@@ -144,7 +144,7 @@ fn ridges_stand_above_the_valleys_beside_them_and_agree_where_they_cross() {
 }
 
 #[test]
-fn rings_single_strokes_and_one_kind_alone_have_heights() {
+fn rings_and_single_strokes_have_heights() {
     let ring: Vec<_> = (0..=24)
         .map(|i| f64::from(i) / 24.0 * std::f64::consts::TAU)
         .map(|a| (64.0 + 40.0 * a.cos(), 64.0 + 40.0 * a.sin(), None))

@@ -89,7 +89,7 @@ fn kinds_stand_under_any_name_in_any_case() {
 }
 
 #[test]
-fn heights_in_a_property_count_where_the_coordinates_have_none() {
+fn heights_may_stand_in_a_property() {
     let zeros = "[[1,1,0],[9,9,0]]";
     let flat = "[[1,1],[9,9]]";
     for property in [
@@ -323,7 +323,7 @@ fn coordinates_on_the_earth_are_no_columns_and_rows() {
 }
 
 #[test]
-fn a_system_is_checked_against_the_map_and_overruled_by_the_caller() {
+fn a_system_is_checked_against_the_map() {
     let on_utm = ReadOptions { georeference: Some(UTM), size: Some((64, 64)), ..ReadOptions::default() };
     let text = |crs: &str, coordinates: &str| one(crs, r#"{"kind":"ridge"}"#, &line(coordinates));
     let utm = "[[500015,4099985,1200],[500315,4099985,1300]]";

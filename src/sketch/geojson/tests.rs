@@ -204,7 +204,7 @@ fn the_unit_comes_from_the_caller_the_file_or_the_heights() {
 }
 
 #[test]
-fn repeated_points_are_harmless_and_contradictions_are_noted() {
+fn contradictions_are_noted() {
     let same = read_text(&line("[[1,1,5],[1,1,5],[4,1,8],[4,1,8]]"));
     assert!(same.warnings.is_empty());
     assert_eq!(same.sketch.rasterize().line_count(), 4);
@@ -242,7 +242,7 @@ fn crossing_strokes_keep_both_and_the_later_one_wins_the_cell() {
 }
 
 #[test]
-fn a_hundred_thousand_vertices_are_read_drawn_and_written() {
+fn a_hundred_thousand_vertices_are_read() {
     let points: Vec<String> = (0..100_000)
         .map(|i| f64::from(i) * 0.001)
         .map(|a| format!("[{},{},{}]", 16.0 + 12.0 * (7.0 * a).cos(), 16.0 + 12.0 * (5.0 * a).sin(), a))

@@ -230,7 +230,7 @@ fn the_critics_view_has_its_adjoint() {
 }
 
 #[test]
-fn the_eight_symmetries_are_different_and_the_first_is_none() {
+fn the_eight_symmetries_differ() {
     let map = Grid::from_fn(3, 3, |c| (3 * c.row + c.col) as f32);
     let all: Vec<Grid<f32>> = (0..8).map(|turn| turned(&map, turn)).collect();
     assert_eq!(all[0], map);

@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_those_written_out_in_every_symmetry_and_at_the_frame() {
+    fn distances_are_those_written_out() {
         let maps: Vec<Grid<f32>> = (3..13).map(map).collect();
         let asked = Asked {
             heights: &maps[0],

@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coarse_cell_has_the_mean_of_its_strokes_and_both_kinds() {
+    fn a_coarse_cell_has_the_mean_of_its_strokes() {
         let level = LevelStrokes::new(&cross(), 4, (16, 16));
         let at = |cell: Cell| level.cells.iter().filter(|c| c.0 == cell).count();
         assert_eq!(at(Cell::new(5, 8)), 2);

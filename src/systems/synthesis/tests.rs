@@ -40,7 +40,7 @@ fn synthesis(dem: &Dem) -> Synthesis {
 }
 
 #[test]
-fn strokes_are_met_to_the_bit_on_any_shape_and_number_of_threads_and_seeds_differ() {
+fn strokes_are_met_on_any_shape_and_seeds_differ() {
     let synthesis = synthesis(&dem(96, 120));
     for (rows, cols) in [(64, 64), (37, 90), (9, 12)] {
         let lines = drawing(rows, cols);
