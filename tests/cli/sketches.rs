@@ -278,7 +278,7 @@ fn strokes_without_heights_are_filled_and_generated() {
     // What `generate` does by itself is what `sketch fill` shows.
     let terrain = |sketch: &str, out: &str| {
         let answer = done(at, &["generate", "s.safetensors", "--sketch", sketch, "-o", out]);
-        (answer.out, std::fs::read(at.join(out)).unwrap())
+        (answer.all(), std::fs::read(at.join(out)).unwrap())
     };
     let (said, own) = terrain("open.geojson", "own.tif");
     assert!(said.contains("strokes without heights: 3"), "{said}");
@@ -304,6 +304,7 @@ fn strokes_without_heights_are_filled_and_generated() {
             "--epochs",
             "1",
             "--no-detail",
+            "--no-terrain",
             "-q",
         ],
     );
