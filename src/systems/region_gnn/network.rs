@@ -87,7 +87,7 @@ impl Network {
     /// One pass. `embedding`: (regions, embedding) in place of the exemplar's own, for other sketches.
     ///
     /// # Errors
-    /// When a tensor operation fails, or the graph's [`stop`](RegionGraph::stop) is raised.
+    /// When a tensor operation fails, or the graph's `stop` is raised.
     ///
     /// # Panics
     /// When the model has embeddings, none are given, and the number of regions is not that of the exemplar.
