@@ -3,7 +3,7 @@
 //! In: an EPSG code, WKT, a PROJ string, or a [`Georeference`](super::Georeference) that has one of them. Out: a [`Crs`]
 //! with its kind and its units, and by [`Georeference::ground`](super::Georeference::ground) the size of cells on the ground.
 //! What is not known is `None` or a note, never a guess in silence. The table of EPSG codes and the projections are those of
-//! `proj-core` (`docs/decisions/0010-coordinate-systems.md`). Cost: microseconds.
+//! `proj-core` (`docs/decisions/0013-coordinate-systems.md`). Cost: microseconds.
 
 mod definition;
 mod ellipsoid;
