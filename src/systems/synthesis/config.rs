@@ -86,7 +86,8 @@ pub struct SynthesisConfig {
     pub usage: f32,
     /// Votes fall to 1/e at this distance between patches.
     pub vote_scale: f32,
-    /// Least and most that the heights of a patch are stretched to fit: from .1 to 1, and from 1 to 10.
+    /// Least and most that the heights of a patch are stretched to fit where the landscape model guides: from .1 to 1, and from 1
+    /// to 10.
     pub stretch: [f32; 2],
     /// Drawings of the exemplar by its own main lines, 1 to 8.
     pub self_sketches: usize,

@@ -147,6 +147,12 @@ impl<'a> Run<'a> {
         })
     }
 
+    /// Least and most that patches are stretched: not at all where no landscape model says how strong forms are to be, since the
+    /// membrane, which then guides alone, says too much of it along strokes over dunes.
+    fn stretch(&self) -> [f32; 2] {
+        if self.landscape.is_some() { self.exemplar.config().stretch } else { [1.0, 1.0] }
+    }
+
     fn run(mut self) -> Result<Self> {
         for l in (0..self.levels).rev() {
             self.level(l)?;
@@ -238,7 +244,7 @@ impl<'a> Run<'a> {
             strokes: guide.strokes * own.guide,
             elevation: unit * guide.elevation * own.guide,
             floor: config.floor,
-            stretch: config.stretch,
+            stretch: self.stretch(),
         }
     }
 
@@ -286,7 +292,7 @@ impl<'a> Run<'a> {
             strokes: config.guide.strokes,
             elevation: unit * config.guide.elevation,
             floor: config.floor,
-            stretch: config.stretch,
+            stretch: self.stretch(),
         };
         let sources = quilt(
             &Ground {
