@@ -176,7 +176,7 @@ impl MapOptions {
                 around(outline.bounds.ok_or_else(none)?).map_err(|e| e.in_file(path))?
             }
         };
-        let is_lon_lat = b.west >= -180.0 && b.east <= 180.0 && b.south >= -90.0 && b.north <= 90.0;
+        let is_lon_lat = b.is_like_degrees();
         let epsg = outline.epsg.or_else(|| is_lon_lat.then_some(4326));
         if outline.epsg.is_none() && is_lon_lat {
             console.note(format!(

@@ -148,8 +148,7 @@ fn check_pixels(stated: Option<&NamedSystem>, lines: &[RawLine]) -> Result<()> {
 
 /// Whether all coordinates could be longitude and latitude.
 fn like_degrees(lines: &[RawLine]) -> bool {
-    Bounds::of(lines)
-        .is_some_and(|b| b.west >= -180.0 && b.east <= 180.0 && b.south >= -90.0 && b.north <= 90.0)
+    Bounds::of(lines).is_some_and(|bounds| bounds.is_like_degrees())
 }
 
 /// The rectangle around all vertices, in the file's coordinates.
@@ -166,6 +165,12 @@ pub struct Bounds {
 }
 
 impl Bounds {
+    /// Whether all of it could be longitude and latitude, degrees.
+    #[must_use]
+    pub fn is_like_degrees(&self) -> bool {
+        self.west >= -180.0 && self.east <= 180.0 && self.south >= -90.0 && self.north <= 90.0
+    }
+
     /// Around the vertices of `lines`; `None` without any.
     pub(super) fn of(lines: &[RawLine]) -> Option<Self> {
         let mut points = lines.iter().flat_map(|line| &line.points);
