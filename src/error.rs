@@ -64,7 +64,19 @@ pub enum Error {
     Stopped,
     /// The tensor library failed (out of memory, or a bug of ours: shapes are checked before).
     #[error("tensor computation failed: {0}")]
-    Tensor(#[from] candle_core::Error),
+    Tensor(#[source] TensorError),
+}
+
+/// What the tensor library says.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct TensorError(candle_core::Error);
+
+#[doc(hidden)]
+impl From<candle_core::Error> for Error {
+    fn from(error: candle_core::Error) -> Self {
+        Self::Tensor(TensorError(error))
+    }
 }
 
 impl Error {

@@ -334,7 +334,7 @@ struct Word {
 
 impl Source {
     fn new(path: PathBuf, module: Vec<String>, text: &str) -> Self {
-        let is_test = module.last().is_some_and(|name| name == "tests" || name.ends_with("_tests"));
+        let is_test = module.iter().any(|name| name == "tests" || name.ends_with("_tests"));
         Self { scan: Scan::of(module.clone(), text), path, module, text: text.to_owned(), is_test }
     }
 }

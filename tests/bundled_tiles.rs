@@ -8,7 +8,7 @@
 )]
 
 use monadnock::dem::io::{ReadOptions, SampleType, WriteOptions, read, write};
-use monadnock::grid::Cell;
+use monadnock::grid::{Cell, Window};
 use std::path::Path;
 
 /// (name, row and column of the north-west cell).
@@ -25,7 +25,7 @@ fn make_the_tiles_again() {
             continue;
         }
         let dem = read(&source, &ReadOptions::default()).unwrap();
-        let crop = dem.crop(Cell::new(row, col), 512, 512).unwrap();
+        let crop = dem.crop(Window::square(Cell::new(row, col), 512)).unwrap();
         let target = root.join("data").join(name).with_extension("tif");
         let options = WriteOptions { sample_type: SampleType::Int16, ..Default::default() };
         write(&crop, &target, &options).unwrap();

@@ -6,7 +6,7 @@ use monadnock::control::{Checkpoints, Control, Progress, Stop};
 use monadnock::dem::{CellSize, Dem, Normalization, bundled};
 use monadnock::evaluate::{EvaluationConfig, PATCH, aggregate, choose_exemplar, evaluate, patch_cells};
 use monadnock::extract::{self, ExtractionConfig};
-use monadnock::grid::{Cell, Grid};
+use monadnock::grid::{Cell, Grid, Window};
 use monadnock::metrics::ssim;
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
@@ -19,7 +19,8 @@ const SIDE: usize = 64;
 
 /// A quarter of a patch of the bundled sierra tile.
 fn source(row: usize, col: usize) -> Source {
-    Source::new("sierra", &bundled::load("sierra").unwrap(), Cell::new(row, col), SIDE, SIDE).unwrap()
+    Source::new("sierra", &bundled::load("sierra").unwrap(), Window::square(Cell::new(row, col), SIDE))
+        .unwrap()
 }
 
 fn brief(preset: Preset, epochs: usize) -> StyleConfig {
@@ -93,7 +94,7 @@ fn anchored_terrain_meets_its_lines() {
 fn what_was_learned_on_one_patch_helps_on_others() {
     let dem = bundled::load("sierra").unwrap();
     let exemplar = choose_exemplar(&dem).unwrap();
-    let source = Source::new("sierra", &dem, exemplar, PATCH, PATCH).unwrap();
+    let source = Source::new("sierra", &dem, Window::square(exemplar, PATCH)).unwrap();
     let mut config = brief(Preset::Anchored, 80);
     config.model.extractions = 4;
     let style = learn(&source, &config).unwrap();
@@ -268,18 +269,18 @@ fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
     let mut heights = whole.dem.heights().clone();
     heights[Cell::new(25, 45)] = f32::NAN;
     let holed = Dem::with_voids(heights, valid, whole.dem.cell_size()).unwrap();
-    let holed = Source::new("holed", &holed, Cell::new(0, 0), SIDE, SIDE).unwrap();
+    let holed = Source::new("holed", &holed, Window::square(Cell::new(0, 0), SIDE)).unwrap();
     let style = learn(&holed, &brief(Preset::Anchored, 20)).unwrap();
     assert!(style.network().unwrap().training().ssim > 0.85, "{}", style.network().unwrap().training().ssim);
 
     let cell = CellSize::square(30.0).unwrap();
     let refused = |dem: &Dem| {
         let (rows, cols) = dem.shape();
-        let source = Source::new("bad", dem, Cell::new(0, 0), rows, cols).unwrap();
+        let source = Source::new("bad", dem, Window::new(Cell::new(0, 0), rows, cols)).unwrap();
         learn(&source, &brief(Preset::Anchored, 1)).unwrap_err().to_string()
     };
     assert!(refused(&Dem::new(Grid::filled(64, 64, 5.0), cell).unwrap()).contains("window with relief"));
-    let small = whole.dem.crop(Cell::new(0, 0), 31, 64).unwrap();
+    let small = whole.dem.crop(Window::new(Cell::new(0, 0), 31, 64)).unwrap();
     let message = refused(&small);
     assert!(message.contains("31x64"), "{message}");
     let truth = Normalization::of(&whole.dem).normalize(&whole.dem);

@@ -5,13 +5,12 @@
 use monadnock::control::{Checkpoints, Control, Progress, Stop};
 use monadnock::dem::bundled;
 use monadnock::extract::{ExtractionConfig, ridges_and_valleys_until};
-use monadnock::grid::{Cell, Grid};
+use monadnock::grid::{Cell, Grid, Window};
 use monadnock::interpolation::{NaturalNeighbours, biharmonic_until, harmonic_until};
 use monadnock::seed::Seed;
 use monadnock::sketch::{LineMap, samples};
 use monadnock::style::{
-    Exemplar, GeneratorConfig, Method, Recipe, Source, Style, StyleConfig, amplify, generators, learn,
-    unseen_surface,
+    Exemplar, GeneratorConfig, Method, Recipe, Source, Style, StyleConfig, generators, learn, unseen_surface,
 };
 use monadnock::systems::task::{DetailUse, SampleUse};
 use monadnock::{Error, Result};
@@ -35,7 +34,8 @@ fn stops<T>(what: &str, work: impl FnOnce(&Stop) -> Result<T>) {
 }
 
 fn source(side: usize) -> Source {
-    Source::new("sierra", &bundled::load("sierra").unwrap(), Cell::new(128, 128), side, side).unwrap()
+    Source::new("sierra", &bundled::load("sierra").unwrap(), Window::square(Cell::new(128, 128), side))
+        .unwrap()
 }
 
 fn config(epochs: usize) -> StyleConfig {
@@ -122,7 +122,7 @@ fn generation_and_detail_stop() {
         });
         stops(&format!("sample of {name}"), |stop| detail.sample(&SampleUse::new(1024, 1024), Seed(1), stop));
         stops(&format!("amplification by {name}"), |stop| {
-            amplify(&dem, &**detail, range, 4, &DetailUse::default(), Seed(1), stop)
+            style.amplify(&dem, 4, &DetailUse::default(), Seed(1), stop)
         });
     }
 }

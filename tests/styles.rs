@@ -8,7 +8,7 @@ mod toy;
 use monadnock::control::{Control, Progress, Stop};
 use monadnock::dem::bundled;
 use monadnock::dem::io::{self, ReadOptions};
-use monadnock::grid::Cell;
+use monadnock::grid::{Cell, Window};
 use monadnock::seed::Seed;
 use monadnock::sketch::samples;
 use monadnock::style::{Choices, DetailChoice, Method, Recipe, Registry, Source, Style, add_detail, learn};
@@ -76,7 +76,7 @@ fn with_toy() -> Registry {
 
 fn toy_style() -> Style {
     let dem = bundled::load("sierra").unwrap();
-    let source = Source::new("sierra", &dem, Cell::new(0, 0), 64, 64).unwrap();
+    let source = Source::new("sierra", &dem, Window::square(Cell::new(0, 0), 64)).unwrap();
     let (systems, settings) = (Some(vec!["plateau".to_owned()]), "plateau.steps = 3".parse().unwrap());
     let choices = Choices { systems, settings, detail: DetailChoice::Without, ..Choices::default() };
     let recipe = Recipe::new(&with_toy(), &choices, (64, 64), Seed(1)).unwrap();

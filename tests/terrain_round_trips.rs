@@ -10,7 +10,7 @@
 use monadnock::dem::crs::Crs;
 use monadnock::dem::io::{Nodata, ReadOptions, SampleType, WriteOptions, read, read_described, write};
 use monadnock::dem::{CellSize, Dem, Georeference, Normalization, RasterSpace};
-use monadnock::grid::{Cell, Grid};
+use monadnock::grid::{Cell, Grid, Window};
 use proptest::prelude::*;
 
 fn there_and_back(dem: &Dem, name: &str, options: &WriteOptions) -> Dem {
@@ -103,7 +103,7 @@ fn a_window_keeps_its_place_and_cell_size() {
     let (place, size) = places()[2];
     let plain = hills(67, 41, 9);
     let dem = Dem::with_voids(plain.heights().clone(), plain.valid().clone(), size).unwrap().at(Some(place));
-    let window = dem.crop(Cell::new(10, 20), 30, 12).unwrap();
+    let window = dem.crop(Window::new(Cell::new(10, 20), 30, 12)).unwrap();
     assert_eq!(there_and_back(&window, "a.tif", &WriteOptions::default()), window);
 }
 

@@ -12,7 +12,7 @@
 use assert_cmd::Command;
 use monadnock::dem::io::{ReadOptions, WriteOptions, read, write};
 use monadnock::dem::{Dem, bundled};
-use monadnock::grid::{Cell, Mask};
+use monadnock::grid::{Cell, Mask, Window};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -112,7 +112,7 @@ fn case(number: u64, style: &Path) -> Result<(), String> {
         (lot(number, 6) * (511 - side) as f64) as usize,
         (lot(number, 7) * (511 - side) as f64) as usize,
     );
-    let whole = bundled::load("grand-canyon").unwrap().crop(origin, side, side).unwrap();
+    let whole = bundled::load("grand-canyon").unwrap().crop(Window::square(origin, side)).unwrap();
     let mask = known(number, whole.shape());
     let dem = Dem::with_voids(whole.heights().clone(), mask, whole.cell_size()).map_err(|e| e.to_string())?;
     let dem = dem.at(whole.georeference().copied());

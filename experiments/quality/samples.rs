@@ -14,7 +14,7 @@ use monadnock::Result;
 use monadnock::control::Stop;
 use monadnock::dem::io::{self, ReadOptions};
 use monadnock::dem::{Dem, Normalization, bundled};
-use monadnock::grid::{Cell, Grid, Mask};
+use monadnock::grid::{Cell, Grid, Mask, Window};
 use monadnock::metrics::{
     copy_audit, curvature_distance, diversity, mean_slope_ratio, sliced_wasserstein, slope_distance,
     spectrum_distance,
@@ -49,7 +49,7 @@ fn main() -> Result<()> {
 fn lines(path: &str, varieties: &[f32], dem: &Dem, count: u64) -> Result<()> {
     let style = Style::load(Path::new(path))?;
     let e = &style.origin.exemplar;
-    let window = dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?;
+    let window = dem.crop(Window::new(Cell::new(e.row, e.col), e.rows, e.cols))?;
     let (exemplar, valid) = (Normalization::of(&window).normalize(&window), window.valid());
     let detail = style.needed_detail()?;
     let name = Path::new(path).file_stem().map_or(path.into(), |s| s.to_string_lossy());

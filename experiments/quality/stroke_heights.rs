@@ -14,7 +14,6 @@ use monadnock::seed::Seed;
 use monadnock::sketch::geojson::{self, SketchReading};
 use monadnock::sketch::{Sketch, StrokeKind};
 use rand::RngExt;
-use std::path::Path;
 
 /// Shares of the vertices that keep their heights; none, one in all, and more.
 const KEPT: [f64; 4] = [0.0, 1e-9, 0.1, 0.3];
@@ -31,9 +30,10 @@ fn main() -> Result<()> {
     );
     let mut sums = [[0.0; 4]; KEPT.len()];
     let mut cases = 0.0;
-    for case in
-        monadnock::file::list(Path::new(&folder))?.iter().filter(|path| path.join("truth.npy").is_file())
-    {
+    let entries = std::fs::read_dir(&folder).expect("the folder can be read");
+    let mut folders: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    folders.sort();
+    for case in folders.iter().filter(|path| path.join("truth.npy").is_file()) {
         let exemplar = read(&case.join("exemplar.tif"), &ReadOptions::default())?;
         let (low, high) = read(&case.join("truth.npy"), &ReadOptions::default())?.range();
         let drawn = geojson::read(&case.join("strokes.geojson"), &geojson::ReadOptions::default())?;

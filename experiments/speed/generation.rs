@@ -11,7 +11,7 @@ use monadnock::control::{Control, Stop};
 use monadnock::dem::Normalization;
 use monadnock::dem::bundled;
 use monadnock::extract;
-use monadnock::grid::{Cell, Grid};
+use monadnock::grid::{Cell, Grid, Window};
 use monadnock::seed::Seed;
 use monadnock::sketch::LineMap;
 use monadnock::style::{Recipe, Source, Style, StyleConfig, learn};
@@ -20,12 +20,12 @@ use std::time::Instant;
 
 fn main() {
     let dem = bundled::load("sierra").expect("the tile is bundled");
-    let other = dem.crop(Cell::new(0, 128), 128, 128).expect("a patch");
+    let other = dem.crop(Window::square(Cell::new(0, 128), 128)).expect("a patch");
     let unit = Normalization::of(&other).normalize(&other);
     let style = |preset| {
         let mut config = StyleConfig::preset(preset);
         config.model.epochs = 40;
-        let source = Source::new("sierra", &dem, Cell::new(192, 192), 128, 128).expect("a patch");
+        let source = Source::new("sierra", &dem, Window::square(Cell::new(192, 192), 128)).expect("a patch");
         let recipe = Recipe::network(&config, Seed(1)).expect("valid settings");
         learn(&source, &recipe, Control::new(&mut |_| ())).expect("a training")
     };

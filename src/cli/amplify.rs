@@ -5,7 +5,6 @@ use super::args::DemInput;
 use super::outputs::{OutputKind, Outputs};
 use crate::dem::io::{self, WriteOptions};
 use crate::error::Result;
-use crate::style::amplify;
 use crate::systems::task::DetailUse;
 use std::path::PathBuf;
 
@@ -53,12 +52,11 @@ pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
         .reads(&args.dem.dem)
         .check()?;
     let style = context.registry.load(&args.style)?;
-    let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
+    style.needed_detail().map_err(|e| e.in_file(&args.style))?;
     let dem = args.dem.load(&context.console)?;
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
     let factor = usize::from(args.factor);
-    let fine =
-        amplify(&dem, &**detail, style.origin.normalization, factor, &how, context.seed, &context.stop())?;
+    let fine = style.amplify(&dem, factor, &how, context.seed, &context.stop())?;
     io::write(&fine, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (fine.shape(), fine.range());
     context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));

@@ -5,7 +5,7 @@ use crate::dem::io::{self, Description, Format, Nodata, ReadOptions};
 use crate::dem::{CellSize, Dem, Normalization, bundled};
 use crate::error::{Error, Result};
 use crate::file;
-use crate::grid::Cell;
+use crate::grid::{Cell, Window};
 use crate::style::overlay;
 use std::path::{Path, PathBuf};
 
@@ -162,15 +162,14 @@ fn no_such_terrain(dem: &Path) -> Error {
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(super) struct CropOption {
     /// Only this window of the terrain: row and column of its north-west cell (from 0), then its side or ROWSxCOLS
-    #[arg(long = "crop", value_name = "ROW,COL,SIZE")]
+    #[arg(long = "crop", value_name = "ROW,COL,SIZE", value_parser = window)]
     pub(super) window: Option<Window>,
 }
 
 impl CropOption {
     /// The window of `dem`, or all of it.
     pub(super) fn window_of(self, dem: &Dem) -> Window {
-        let (rows, cols) = dem.shape();
-        self.window.unwrap_or(Window { origin: Cell::new(0, 0), rows, cols })
+        self.window.unwrap_or(Window::whole(dem.shape()))
     }
 
     /// What the window shows of `dem`.
@@ -180,7 +179,7 @@ impl CropOption {
     pub(super) fn apply(self, dem: Dem) -> Result<Dem> {
         match self.window {
             None => Ok(dem),
-            Some(w) => dem.crop(w.origin, w.rows, w.cols).map_err(|e| name_option(e, "--crop")),
+            Some(window) => dem.crop(window).map_err(|e| name_option(e, "--crop")),
         }
     }
 }
@@ -195,36 +194,18 @@ fn name_option(error: Error, option: &str) -> Error {
     }
 }
 
-/// A rectangle of cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Window {
-    /// Its north-west cell.
-    pub(super) origin: Cell,
-    /// Rows, at least 1.
-    pub(super) rows: usize,
-    /// Columns, at least 1.
-    pub(super) cols: usize,
-}
-
-impl std::str::FromStr for Window {
-    type Err = String;
-
-    /// `ROW,COL,SIZE` or `ROW,COL,ROWSxCOLS`.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let allowed =
-            || "allowed: ROW,COL,SIZE or ROW,COL,ROWSxCOLS, as in 0,128,256 or 0,128,256x512".to_owned();
-        let fields: Vec<&str> = text.split(',').collect();
-        let [row, col, side] = fields[..] else { return Err(allowed()) };
-        let number = |text: &str| text.trim().parse::<usize>().map_err(|_| allowed());
-        let (rows, cols) = size(side).map_err(|_| allowed())?;
-        Ok(Self { origin: Cell::new(number(row)?, number(col)?), rows, cols })
-    }
-}
-
-impl std::fmt::Display for Window {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}x{} at row {}, column {}", self.rows, self.cols, self.origin.row, self.origin.col)
-    }
+/// `ROW,COL,SIZE` or `ROW,COL,ROWSxCOLS`.
+///
+/// # Errors
+/// Says what is allowed.
+pub(super) fn window(text: &str) -> Result<Window, String> {
+    let allowed =
+        || "allowed: ROW,COL,SIZE or ROW,COL,ROWSxCOLS, as in 0,128,256 or 0,128,256x512".to_owned();
+    let fields: Vec<&str> = text.split(',').collect();
+    let [row, col, side] = fields[..] else { return Err(allowed()) };
+    let number = |text: &str| text.trim().parse::<usize>().map_err(|_| allowed());
+    let (rows, cols) = size(side).map_err(|_| allowed())?;
+    Ok(Window::new(Cell::new(number(row)?, number(col)?), rows, cols))
 }
 
 /// `N` or `ROWSxCOLS`, at least 1 each: (rows, columns).
@@ -345,10 +326,9 @@ mod tests {
 
     #[test]
     fn windows_are_read_in_both_spellings() {
-        let window = |text: &str| text.parse::<Window>();
         let cell = Cell::new(3, 40);
-        assert_eq!(window("3,40,128"), Ok(Window { origin: cell, rows: 128, cols: 128 }));
-        assert_eq!(window(" 3, 40, 128x64"), Ok(Window { origin: cell, rows: 128, cols: 64 }));
+        assert_eq!(window("3,40,128"), Ok(Window::square(cell, 128)));
+        assert_eq!(window(" 3, 40, 128x64"), Ok(Window::new(cell, 128, 64)));
         for bad in ["", "3,40", "3,40,0", "3,40,5x", "-1,0,5", "3,40,5,6", "a,b,c", "3,40,1.5"] {
             assert!(window(bad).unwrap_err().contains("ROWSxCOLS"), "{bad}");
         }

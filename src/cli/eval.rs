@@ -10,7 +10,7 @@ use crate::evaluate::{
     Evaluation, EvaluationConfig, PATCH, Rebuilt, SystemSummary, aggregate, evaluate, patch_cells, to_csv,
 };
 use crate::file;
-use crate::grid::{Cell, Grid, Mask};
+use crate::grid::{Cell, Grid, Mask, Window};
 use crate::metrics::{aspect_distance, copy_audit, geomorphon_distance, sliced_wasserstein};
 use crate::sketch::Sketch;
 use crate::sketch::geojson::{self, HeightUnit};
@@ -193,7 +193,8 @@ fn likenesses(
 ) -> Result<Vec<Likeness>> {
     let e = &style.origin.exemplar;
     let exemplar = if fingerprint(dem) == e.source_sha256 {
-        Some(dem.crop(Cell::new(e.row, e.col), e.rows, e.cols)?).filter(|window| window.void_count() == 0)
+        Some(dem.crop(Window::new(Cell::new(e.row, e.col), e.rows, e.cols))?)
+            .filter(|window| window.void_count() == 0)
     } else {
         None
     };

@@ -107,7 +107,7 @@ impl ExtractArgs {
         let window = self.crop.window_of(&dem);
         let cut = self.crop.apply(dem.clone())?;
         let all = ridges_and_valleys_until(dem.heights(), dem.valid(), config, stop)?;
-        let lines = crop_lines(&all, window.origin, window.rows, window.cols, config.min_length)?;
+        let lines = crop_lines(&all, window, config.min_length)?;
         Ok((cut, lines))
     }
 }

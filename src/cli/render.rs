@@ -1,11 +1,12 @@
 //! `render`: terrain as a shaded relief picture, with a sketch over it.
 
 use super::Context;
-use super::args::{CropOption, DemInput, Window};
+use super::args::{CropOption, DemInput};
 use super::outputs::{OutputKind, Outputs};
 use super::sketch_input::{Map, SketchOptions, read_on_map, window_of};
 use crate::dem::Georeference;
 use crate::error::Result;
+use crate::grid::Window;
 use crate::sketch::Sketch;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::viz::{LineArt, LineStyle, Palette, Relief};
@@ -122,7 +123,7 @@ impl Ground {
         }
         let sketch = reading.sketch;
         if drawn == self.whole && drawn != here {
-            let shown = window_of(&sketch, window.origin, window.rows, window.cols);
+            let shown = window_of(&sketch, window);
             if shown.strokes.is_empty() {
                 let text = format!("no line of the sketch lies in the window of {window}");
                 context.console.warning(format!("{}: {text}", path.display()));

@@ -3,7 +3,7 @@
 
 use crate::dem::{Georeference, Normalization};
 use crate::error::{Error, Result};
-use crate::grid::Cell;
+use crate::grid::{Cell, Window};
 use crate::sketch::geojson::{self, Coordinates, HeightUnit, Outline, ReadOptions, SketchReading};
 use crate::sketch::{Sketch, samples};
 use std::path::Path;
@@ -189,8 +189,8 @@ pub(super) fn in_metres(reading: &SketchReading, range: Normalization) -> Sketch
     }
 }
 
-/// The part of a drawing that lies in the window of `rows` x `cols` at `origin`, in the window's own columns and rows.
-pub(super) fn window_of(sketch: &Sketch, origin: Cell, rows: usize, cols: usize) -> Sketch {
+/// The part of a drawing that lies in a window, in the window's own columns and rows.
+pub(super) fn window_of(sketch: &Sketch, Window { origin, rows, cols }: Window) -> Sketch {
     let mut window = Sketch { rows, cols, ..sketch.clone() };
     for v in window.strokes.iter_mut().flat_map(|s| &mut s.vertices) {
         (v.x, v.y) = (v.x - origin.col as f64, v.y - origin.row as f64);

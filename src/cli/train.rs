@@ -82,19 +82,16 @@ pub(super) fn run(args: &TrainArgs, context: &Context) -> Result<()> {
     };
     recipe((64, 64))?;
     let dem = args.dem.load(&context.console)?;
-    let (origin, rows, cols) = match args.crop.window {
-        Some(window) => (window.origin, window.rows, window.cols),
+    let window = match args.crop.window {
+        Some(window) => window,
         None => default_window(&dem)?,
     };
-    if args.crop.window.is_none() && (rows, cols) != dem.shape() {
-        context.console.line(format!(
-            "learning from the {rows}x{cols} window at row {}, column {} (choose another with --crop)",
-            origin.row, origin.col
-        ));
+    if args.crop.window.is_none() && window.shape() != dem.shape() {
+        context.console.line(format!("learning from the window of {window} (choose another with --crop)"));
     }
-    let mut recipe = recipe((rows, cols))?;
+    let mut recipe = recipe(window.shape())?;
     recipe.keep_terrain = !args.no_terrain;
-    let source = Source::new(&terrain_name(&args.dem.dem), &dem, origin, rows, cols)?;
+    let source = Source::new(&terrain_name(&args.dem.dem), &dem, window)?;
     if args.systems.is_none() {
         for (name, why) in recipe.leave_out_unsuited(&source) {
             context.console.note(format!("{}: {name} is left out: {why}", args.output.display()));

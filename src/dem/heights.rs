@@ -2,7 +2,7 @@
 
 use super::{CellSize, Georeference};
 use crate::error::{Error, Result};
-use crate::grid::{Cell, Grid, Mask};
+use crate::grid::{Cell, Grid, Mask, Window};
 
 /// A digital elevation model: heights in metres on a raster, with voids.
 ///
@@ -109,14 +109,14 @@ impl Dem {
         known.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), (&z, _)| (lo.min(z), hi.max(z)))
     }
 
-    /// The window of `rows` x `cols` whose north-west cell is `origin`.
+    /// What a window shows.
     ///
     /// # Errors
     /// When the window reaches past the frame or holds voids only.
-    pub fn crop(&self, origin: Cell, rows: usize, cols: usize) -> Result<Self> {
-        let heights = self.heights.crop(origin, rows, cols)?;
-        let valid = self.valid.crop(origin, rows, cols)?;
-        let georeference = self.georeference.map(|g| g.shifted(origin.row, origin.col));
+    pub fn crop(&self, window: Window) -> Result<Self> {
+        let heights = self.heights.crop(window)?;
+        let valid = self.valid.crop(window)?;
+        let georeference = self.georeference.map(|g| g.shifted(window.origin.row, window.origin.col));
         Ok(Self::with_voids(heights, valid, self.cell_size)?.at(georeference))
     }
 }

@@ -7,7 +7,7 @@ use crate::control::Stop;
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::{self, ExtractionConfig};
-use crate::grid::{Cell, Grid, Mask};
+use crate::grid::{Cell, Grid, Mask, Window};
 use crate::metrics::Scores;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// How patches become sketches.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct EvaluationConfig {
     /// How lines are found, also for the second extraction.
     pub extraction: ExtractionConfig,
@@ -109,7 +109,7 @@ impl Patch {
     /// # Errors
     /// When it reaches past the frame, is all void or level, or shows no line.
     pub fn new(dem: &Dem, origin: Cell, config: &EvaluationConfig, reduce: Reduction<'_>) -> Result<Self> {
-        let patch = dem.crop(origin, PATCH, PATCH)?;
+        let patch = dem.crop(Window::square(origin, PATCH))?;
         let (low, high) = patch.range();
         if low == high {
             let allowed = "level ground has no range to score in";
@@ -141,6 +141,21 @@ impl Patch {
 /// Rebuilds the patches at `origins` with every system. `done` is told after each patch.
 ///
 /// A patch without relief or lines, and a system that fails, give rows with the error: never a hole.
+///
+/// ```
+/// # fn main() -> monadnock::Result<()> {
+/// use monadnock::evaluate::{EvaluationConfig, aggregate, evaluate};
+/// use monadnock::{Cell, Registry, Seed, dem::bundled};
+///
+/// let dem = bundled::load("sierra")?;
+/// let (registry, config) = (Registry::default(), EvaluationConfig::default());
+/// let result = evaluate(&dem, &[Cell::new(0, 0)], registry.interpolators(), &config, Seed(1), false, || ())?;
+/// let nearest = aggregate(&result.rows).into_iter().find(|row| row.system == "nearest");
+/// let psnr = nearest.and_then(|row| row.summary.get("psnr").map(|spread| spread.mean));
+/// assert!(psnr.is_some_and(|psnr| psnr > 20.0 && psnr < 40.0));
+/// # Ok(())
+/// # }
+/// ```
 ///
 /// # Errors
 /// When a patch reaches past the frame or the extraction's settings are out of range.
@@ -211,7 +226,7 @@ fn rebuild(
         scores: None,
         error: Some(error),
     };
-    dem.valid().crop(origin, PATCH, PATCH)?;
+    dem.valid().crop(Window::square(origin, PATCH))?;
     let patch = match Patch::new(dem, origin, config, reduce) {
         Ok(patch) => patch,
         Err(error) => {

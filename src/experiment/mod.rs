@@ -21,6 +21,8 @@ pub mod run;
 mod scores;
 pub mod spec;
 mod styles;
+#[cfg(test)]
+mod tests;
 mod validate;
 
 pub use spec::{ExperimentSpec, Kind};

@@ -10,7 +10,7 @@ use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
 use crate::evaluate::{PATCH, Rebuilt};
 use crate::file;
-use crate::grid::{Cell, Grid, Mask};
+use crate::grid::{Cell, Grid, Mask, Window};
 use crate::sketch::LineMap;
 use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Rgb, Sheet};
 use std::collections::VecDeque;
@@ -74,7 +74,7 @@ impl Painter {
 
     /// In the colours of the patch at a cell.
     pub(super) fn of_patch(area: &Area, cell: Cell) -> Result<Self> {
-        let reference = area.dem.crop(cell, PATCH, PATCH)?;
+        let reference = area.dem.crop(Window::square(cell, PATCH))?;
         let range = Normalization::of(&reference);
         Ok(Self::new(&reference, range))
     }

@@ -7,7 +7,7 @@ use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
 use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
 use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::style::{Source, fingerprint};
 
 /// Fills in everything that an experiment leaves open.
@@ -97,7 +97,8 @@ fn every_exemplar(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Vec<AreaSp
             continue;
         }
         let dem = terrain_of(entry, terrain)?;
-        let known = |cell: &Cell| dem.crop(*cell, PATCH, PATCH).is_ok_and(|p| p.range().0 < p.range().1);
+        let known =
+            |cell: &Cell| dem.crop(Window::square(*cell, PATCH)).is_ok_and(|p| p.range().0 < p.range().1);
         for cell in patch_cells(&dem).into_iter().filter(known) {
             all.push(AreaSpec {
                 name: format!("{}-{}-{}", entry.name, cell.row, cell.col),
@@ -123,7 +124,7 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         Some([row, col]) => (Cell::new(*row, *col), PATCH),
         _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
     };
-    let source = Source::new(&entry.name, &dem, origin, side, side).map_err(in_area)?;
+    let source = Source::new(&entry.name, &dem, Window::square(origin, side)).map_err(in_area)?;
     let patches = if protocols::of(spec.kind).has_test_patches() {
         patches(spec, entry, &dem, origin, side).map_err(in_area)?
     } else {
@@ -157,7 +158,7 @@ fn patches(
                         "allowed: test patches apart from the training cells",
                     ));
                 }
-                dem.valid().crop(*cell, PATCH, PATCH)?;
+                dem.valid().crop(Window::square(*cell, PATCH))?;
             }
             cells
         }

@@ -11,7 +11,7 @@ use super::network::{Network, Traced};
 use super::relief::Relief;
 use crate::control::Stop;
 use crate::error::Result;
-use crate::grid::{Cell, Components, Grid, Mask, thinning};
+use crate::grid::{Cell, Components, Grid, Mask, Window, thinning};
 use crate::sketch::{LineMap, StrokeKind};
 
 /// With up to this many lines of a kind none is dropped for its gradient: the lowest 1 % of them means nothing.
@@ -27,6 +27,20 @@ pub struct Extraction {
 }
 
 /// Ridges and valleys of `heights` where `valid` is true; see [`extract`].
+///
+/// ```
+/// # fn main() -> monadnock::Result<()> {
+/// use monadnock::{Cell, ExtractionConfig, Normalization, StrokeKind, Window, dem::bundled, ridges_and_valleys};
+///
+/// let patch = bundled::load("sierra")?.crop(Window::square(Cell::new(64, 64), 96))?;
+/// let unit = Normalization::of(&patch).normalize(&patch);
+/// let lines = ridges_and_valleys(&unit, patch.valid(), &ExtractionConfig::default())?;
+/// let share = lines.line_count() as f64 / (96.0 * 96.0);
+/// assert!(share > 0.05 && share < 0.3);
+/// assert!(lines.mask_of(StrokeKind::Valley).as_slice().contains(&true));
+/// # Ok(())
+/// # }
+/// ```
 ///
 /// # Errors
 /// As [`extract`].

@@ -14,7 +14,7 @@ mod tests;
 mod variants;
 
 pub use config::{ExtractionConfig, Routing};
-pub use context::{crop_lines, with_context};
+pub use context::crop_lines;
 pub use lines::{Extraction, extract, ridges_and_valleys, ridges_and_valleys_until};
 pub use main_lines::{MainLines, MainLinesConfig};
 pub use variants::variants;

@@ -6,16 +6,14 @@
 use super::ExtractionConfig;
 use crate::error::Result;
 use crate::flow::Surface;
-use crate::grid::{Cell, Grid, Mask, gaussian};
+use crate::grid::{Cell, Grid, Mask, Window, gaussian};
 
 /// Unit heights with a margin of continued terrain.
 pub(super) struct Relief {
     /// Smoothed; with the margin.
     surface: Surface,
-    /// Where the map's north-west cell lies in the surface.
-    origin: Cell,
-    /// Of the map.
-    shape: (usize, usize),
+    /// Where the map lies in the surface.
+    map: Window,
 }
 
 impl Relief {
@@ -28,7 +26,8 @@ impl Relief {
         let origin = Cell::new(config.margin.min(shape.0 - 1), config.margin.min(shape.1 - 1));
         let (unit, valid) = continued(unit, valid.clone(), origin);
         let smooth = gaussian::smooth(&unit, &valid, config.smoothing);
-        Ok(Self { surface: Surface::new(smooth, valid)?, origin, shape })
+        let map = Window::new(origin, shape.0, shape.1);
+        Ok(Self { surface: Surface::new(smooth, valid)?, map })
     }
 
     /// Smoothed unit heights, with the margin.
@@ -42,14 +41,14 @@ impl Relief {
     /// When `raster` has not the shape of the surface.
     pub(super) fn crop<T: Clone>(&self, raster: &Grid<T>) -> Grid<T> {
         assert_eq!(raster.shape(), self.surface.shape(), "a raster over the surface");
-        raster.crop(self.origin, self.shape.0, self.shape.1).expect("the map lies inside its margin")
+        raster.crop(self.map).expect("the map lies inside its margin")
     }
 
     /// Magnitude of the gradient at a cell of the map, per cell: central differences, one-sided at the frame and beside
     /// voids, 0 between two voids.
     pub(super) fn gradient(&self, cell: Cell) -> f64 {
         let (rows, cols) = self.surface.shape();
-        let (row, col) = (cell.row + self.origin.row, cell.col + self.origin.col);
+        let (row, col) = (cell.row + self.map.origin.row, cell.col + self.map.origin.col);
         let height = |r: usize, c: usize| {
             let there = Cell::new(r, c);
             (r < rows && c < cols && self.surface.valid()[there])

@@ -1,7 +1,7 @@
 //! What must hold for lines of any terrain, and terrain whose lines are known.
 
 use super::*;
-use crate::grid::{Cell, Components, Grid, Mask, d8, thinning};
+use crate::grid::{Cell, Components, Grid, Mask, Window, d8, thinning};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
 
@@ -287,18 +287,17 @@ fn variants_differ_and_start_with_the_base() {
 #[test]
 fn a_window_with_context_shows_the_lines_of_the_whole() {
     let z = rough(150, 150, 13);
-    let valid = z.map(|_| true);
     let config = ExtractionConfig::default();
-    let (origin, rows, cols) = (Cell::new(40, 30), 64, 80);
-    let map = with_context(&z, &valid, &config, origin, rows, cols).unwrap();
-    let crop = z.crop(origin, rows, cols).unwrap();
+    let window = Window::new(Cell::new(40, 30), 64, 80);
+    let map = crop_lines(&default_lines(&z), window, config.min_length).unwrap();
+    let crop = z.crop(window).unwrap();
     assert_well_formed(&map, &crop, config.min_length);
-    let whole = default_lines(&z).kinds().crop(origin, rows, cols).unwrap();
+    let whole = default_lines(&z).kinds().crop(window).unwrap();
     assert!(map.kinds().cells().all(|(c, k)| k.is_none() || *k == whole[c]));
     let kept = map.line_count() as f64 / whole.as_slice().iter().flatten().count() as f64;
     assert!(kept > 0.85, "{kept}");
     // From the window alone most lines are the same, because the margin continues the terrain.
     let alone = default_lines(&crop);
     assert!(found_nearby(&alone.mask(), &map.mask()) > 0.8, "{}", found_nearby(&alone.mask(), &map.mask()));
-    assert!(with_context(&z, &valid, &config, Cell::new(100, 0), 64, 64).is_err());
+    assert!(crop_lines(&default_lines(&z), Window::square(Cell::new(100, 0), 64), 1).is_err());
 }

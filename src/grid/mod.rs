@@ -13,7 +13,9 @@ pub mod pyramid;
 pub mod resample;
 mod raster;
 pub mod thinning;
+mod window;
 
 pub use cell::Cell;
 pub use components::Components;
 pub use raster::{Grid, Mask};
+pub use window::Window;

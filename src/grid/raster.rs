@@ -1,6 +1,6 @@
 //! A rectangle of values.
 
-use super::Cell;
+use super::{Cell, Window};
 use crate::error::{Error, Result};
 use ndarray::{Array2, ArrayView2, s};
 
@@ -129,23 +129,15 @@ impl<T: Clone> Grid<T> {
         Self(Array2::from_elem((rows, cols), value))
     }
 
-    /// The window of `rows` x `cols` whose north-west cell is `origin`.
+    /// What a window shows.
     ///
     /// # Errors
     /// When the window is empty or reaches past the frame.
-    pub fn crop(&self, origin: Cell, rows: usize, cols: usize) -> Result<Self> {
-        let fits = |start: usize, len: usize, side: usize| {
-            len > 0 && start.checked_add(len).is_some_and(|end| end <= side)
-        };
-        if !fits(origin.row, rows, self.rows()) || !fits(origin.col, cols, self.cols()) {
-            return Err(Error::value(
-                "window",
-                format!("{rows}x{cols} at row {}, column {}", origin.row, origin.col),
-                format!("it must lie inside the raster of {}x{}", self.rows(), self.cols()),
-            ));
-        }
-        let window = self.0.slice(s![origin.row..origin.row + rows, origin.col..origin.col + cols]);
-        Ok(Self(window.as_standard_layout().into_owned()))
+    pub fn crop(&self, window: Window) -> Result<Self> {
+        window.check(self.shape())?;
+        let Window { origin: Cell { row, col }, rows, cols } = window;
+        let part = self.0.slice(s![row..row + rows, col..col + cols]);
+        Ok(Self(part.as_standard_layout().into_owned()))
     }
 }
 

@@ -7,7 +7,7 @@
 use super::slope_area::{HeightLaw, SlopeArea};
 use crate::error::{Error, Result};
 use crate::flow::{POND_DEPTH, Surface, accumulate, fill, route};
-use crate::grid::{Cell, Grid, Mask, gaussian};
+use crate::grid::{Cell, Grid, Mask, Window, gaussian};
 use serde::{Deserialize, Serialize};
 
 /// Knots of the slope-area curve, from one cell to a fifth of the map.
@@ -266,19 +266,20 @@ fn factor_spread(ratios: &Grid<Option<f64>>) -> f64 {
 }
 
 /// Corners of windows of at most `side`, overlapping by at least half.
-fn windows(shape: (usize, usize), side: usize, step: usize) -> impl Iterator<Item = (Cell, usize, usize)> {
+fn windows(shape: (usize, usize), side: usize, step: usize) -> impl Iterator<Item = Window> {
     let (rows, cols) = (side.min(shape.0), side.min(shape.1));
     let along = move |len: usize, side: usize| (0..=len - side).step_by(step);
-    along(shape.0, rows)
-        .flat_map(move |row| along(shape.1, cols).map(move |col| (Cell::new(row, col), rows, cols)))
+    along(shape.0, rows).flat_map(move |row| {
+        along(shape.1, cols).map(move |col| Window::new(Cell::new(row, col), rows, cols))
+    })
 }
 
 /// Mean relief of windows of 128 cells, and the power to which it grows with their side.
 fn relief(heights: &Grid<f32>, valid: &Mask) -> (f64, f64) {
     let side = RELIEF_WINDOW.min(heights.rows()).min(heights.cols());
     let mean = |side: usize| {
-        let found = windows(heights.shape(), side, (side / 2).max(1)).filter_map(|(at, rows, cols)| {
-            let (low, high) = range(&heights.crop(at, rows, cols).ok()?, &valid.crop(at, rows, cols).ok()?);
+        let found = windows(heights.shape(), side, (side / 2).max(1)).filter_map(|window| {
+            let (low, high) = range(&heights.crop(window).ok()?, &valid.crop(window).ok()?);
             (high >= low).then(|| f64::from(high - low))
         });
         let (sum, count) = found.fold((0.0, 0), |(sum, count), relief| (sum + relief, count + 1));
@@ -292,16 +293,16 @@ fn relief(heights: &Grid<f32>, valid: &Mask) -> (f64, f64) {
 /// Share of all slope that lies in pits, and share of the cells; means over windows.
 fn pits(heights: &Grid<f32>, valid: &Mask) -> Result<(f64, f64)> {
     let (mut slopes, mut cells, mut count) = (0.0, 0.0, 0.0);
-    for (at, rows, cols) in windows(heights.shape(), PIT_WINDOW, PIT_WINDOW / 2) {
-        let (z, ok) = (heights.crop(at, rows, cols)?, valid.crop(at, rows, cols)?);
+    for window in windows(heights.shape(), PIT_WINDOW, PIT_WINDOW / 2) {
+        let (z, ok) = (heights.crop(window)?, valid.crop(window)?);
         let (low, high) = range(&z, &ok);
         if high <= low {
             continue;
         }
         let filled = fill(&Surface::new(z.clone(), ok.clone())?);
         let (mut in_pits, mut all, mut raised, mut known) = (0.0, 0.0, 0usize, 0usize);
-        for row in 1..rows - 1 {
-            for col in 1..cols - 1 {
+        for row in 1..window.rows - 1 {
+            for col in 1..window.cols - 1 {
                 let c = Cell::new(row, col);
                 let Some(slope) = ok[c].then(|| gradient(&z, &ok, c, 1.0)).flatten() else { continue };
                 let is_pit = filled.heights()[c] - z[c] > POND_DEPTH * (high - low);

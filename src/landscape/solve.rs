@@ -9,7 +9,7 @@ use super::steady::{Stage, State};
 use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::interpolation::harmonic;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
@@ -49,7 +49,11 @@ impl Landscape {
             let times = self.factor / factor;
             let (r, c) = self.padded.shape();
             let fine = if times == 1 { None } else { Some(resample(&self.padded, r * times, c * times)) };
-            return fine.as_ref().unwrap_or(&self.padded).crop(Cell::new(corner, corner), rows, cols);
+            return fine.as_ref().unwrap_or(&self.padded).crop(Window::new(
+                Cell::new(corner, corner),
+                rows,
+                cols,
+            ));
         }
         let side = factor / self.factor;
         let mean = |c: Cell| {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::control::Stop;
 use crate::flow::{Surface, accumulate, route};
-use crate::grid::{Cell, Grid, Mask, d8};
+use crate::grid::{Cell, Grid, Mask, Window, d8};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
 
@@ -92,7 +92,7 @@ fn unfit_exemplars_are_refused_by_name() {
     assert!(refused(&level, &everywhere, 30.0).contains("relief"));
     let z = power_law(64, 64, 0.6, 0.4);
     assert!(refused(&z, &everywhere, 0.0).contains("cell size"));
-    let small = z.crop(Cell::new(0, 0), 12, 64).unwrap();
+    let small = z.crop(Window::new(Cell::new(0, 0), 12, 64)).unwrap();
     assert!(refused(&small, &small.map(|_| true), 30.0).contains("12x64"));
     let holes = Mask::from_fn(64, 64, |c| c.row % 2 == 0 && c.col % 2 == 0);
     assert!(refused(&z, &holes, 30.0).contains("cells of the exemplar"));

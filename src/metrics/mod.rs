@@ -10,6 +10,8 @@ mod embedding;
 mod error;
 mod landforms;
 mod lines;
+#[cfg(test)]
+mod oracle_tests;
 mod patches;
 mod relief;
 mod scores;

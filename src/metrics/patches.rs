@@ -7,7 +7,7 @@
 use super::{check_one, check_pair};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
-use crate::grid::{Grid, Mask};
+use crate::grid::{Grid, Mask, Window};
 use crate::seed::Seed;
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn copies_are_found() {
         let exemplar = hills(40, 0.02);
-        let window = exemplar.crop(Cell::new(5, 8), 20, 20).unwrap().map(|z| z + 0.7);
+        let window = exemplar.crop(Window::square(Cell::new(5, 8), 20)).unwrap().map(|z| z + 0.7);
         let audit = copy_audit(&window, &exemplar).unwrap();
         assert_eq!(audit.copied_share, 1.0);
         assert!(audit.mean_distance < 1e-4);

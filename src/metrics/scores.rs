@@ -6,7 +6,7 @@ use super::{
     spectrum_distance, ssim, stroke_height_error,
 };
 use crate::error::{Error, Result};
-use crate::grid::{Grid, Mask};
+use crate::grid::{Grid, Mask, Window};
 use crate::sketch::{LineMap, StrokeKind};
 
 /// Width of the border strip that is scored apart from the interior, in cells: lines are often missing there.
@@ -292,11 +292,11 @@ mod tests {
         assert!((scores.border_psnr.unwrap() - 20.0).abs() < 1e-3);
         assert!((scores.interior_psnr.unwrap() - 40.0).abs() < 1e-3);
         // That of the inner cells alone, as if they were all there is.
-        let cut = |grid: &Grid<f32>| grid.crop(Cell::new(8, 8), 16, 24).unwrap();
+        let cut = |grid: &Grid<f32>| grid.crop(Window::new(Cell::new(8, 8), 16, 24)).unwrap();
         let alone = ssim(&cut(&output), &cut(&truth), &cut(&truth).map(|_| true), 1.0).unwrap();
         assert!((scores.interior_ssim.unwrap() - alone).abs() < 1e-9, "{scores:?} {alone}");
         assert!(scores.interior_ssim.unwrap() > scores.ssim);
-        let small = truth.crop(Cell::new(0, 0), 20, 20).unwrap();
+        let small = truth.crop(Window::square(Cell::new(0, 0), 20)).unwrap();
         let none = Scores::of(&small, &small, &small.map(|_| true), &LineMap::empty(20, 20)).unwrap();
         assert_eq!(none.interior_ssim, None);
         assert!((scores.rmse_metres(1000.0) - 1000.0 * scores.rmse).abs() < 1e-9);

@@ -55,7 +55,7 @@ pub fn add_detail(
 /// # Errors
 /// When a setting is out of range, there are more than 2^30 cells to make, more than the detail model can, or the work is
 /// stopped.
-pub fn amplify(
+pub(super) fn amplify(
     dem: &Dem,
     detail: &dyn DetailModel,
     range: Normalization,

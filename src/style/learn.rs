@@ -32,6 +32,21 @@ const UNTRAINED_COARSE_SHARE: f64 = 0.6;
 /// the parts that are there and to go on with the one in work: the style is then the same as one that was never interrupted, unless
 /// a budget ties it to the clock.
 ///
+/// ```
+/// # fn main() -> monadnock::Result<()> {
+/// use monadnock::{Cell, Control, Recipe, Seed, Source, Window, dem::bundled, learn, style::StyleConfig};
+///
+/// let source = Source::new("sierra", &bundled::load("sierra")?, Window::square(Cell::new(128, 0), 48))?;
+/// let mut config = StyleConfig::default();
+/// (config.model.epochs, config.model.extractions) = (3, 2);
+/// let mut epochs = 0;
+/// let style = learn(&source, &Recipe::network(&config, Seed(1))?, Control::new(&mut |_| epochs += 1))?;
+/// assert_eq!(epochs, 3);
+/// assert_eq!(style.origin.exemplar.name, "sierra");
+/// # Ok(())
+/// # }
+/// ```
+///
 /// # Errors
 /// When the window is too small, level or without lines, a training diverges, what is resumed belongs to another recipe, or the
 /// work is stopped. After a divergence the last good state is still there.

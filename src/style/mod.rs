@@ -23,7 +23,7 @@ pub use crate::systems::region_gnn::{
 pub use crate::systems::singan::DetailConfig as GeneratorConfig;
 pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
 pub use config::{StyleConfig, generators, overlaid, overlay};
-pub use detail::{add_detail, amplify};
+pub use detail::add_detail;
 pub use file::KEY;
 pub use learn::{learn, unfinished};
 pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, Stored, SystemPlan, detail_plan, system_plan};
@@ -37,9 +37,10 @@ use crate::control::Stop;
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::grid::Grid;
+use crate::grid::{Grid, Window};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
+use crate::systems::task::DetailUse;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::sync::Arc;
@@ -176,6 +177,23 @@ impl Style {
     /// The lines are taken as drawn by a hand ([`draw`](crate::systems::task::SketchToTerrain::draw)). Evaluations, where heights
     /// on lines are real, take the systems of [`uses`](Self::uses).
     ///
+    /// ```
+    /// # fn main() -> monadnock::Result<()> {
+    /// use monadnock::{Control, Method, Recipe, Seed, Source, Stop, dem::bundled, learn, sketch::samples};
+    ///
+    /// let source = Source::whole("sierra", &bundled::load("sierra")?)?;
+    /// let style = learn(&source, &Recipe::drawings(Seed(1))?, Control::new(&mut |_| ()))?;
+    /// let range = style.origin.normalization;
+    /// let drawing = samples::load("lambda-ring")?.sketch.scaled_to(64, 64);
+    /// let lines = drawing.map_heights(|z| range.to_metres(z)).rasterize();
+    /// let terrain = style.generate(&lines, &Method::Auto, None, Seed(1), &Stop::new())?;
+    /// let drawn = lines.mask();
+    /// let met = |i: usize| terrain.as_slice()[i] == lines.heights().as_slice()[i];
+    /// assert!((0..terrain.len()).filter(|&i| drawn.as_slice()[i]).all(met));
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
     /// # Errors
     /// When there is no line, or the work is stopped.
     pub fn generate(
@@ -199,5 +217,33 @@ impl Style {
             }
         }
         Ok(terrain)
+    }
+
+    /// `dem` with `factor` times as many cells in each direction, and the style's detail below its own cells. Where it has voids, so
+    /// has the answer; they are bridged harmonically meanwhile.
+    ///
+    /// ```
+    /// # fn main() -> monadnock::Result<()> {
+    /// use monadnock::{Cell, Control, Recipe, Seed, Source, Stop, Window, dem::bundled, learn, style::StyleConfig};
+    /// use monadnock::systems::task::DetailUse;
+    ///
+    /// let dem = bundled::load("sierra")?;
+    /// let mut config = StyleConfig::default();
+    /// (config.model.epochs, config.model.extractions) = (3, 2);
+    /// let recipe = Recipe::network(&config, Seed(1))?.with_patches()?;
+    /// let style = learn(&Source::new("sierra", &dem, Window::square(Cell::new(128, 0), 64))?, &recipe, Control::new(&mut |_| ()))?;
+    /// let coarse = dem.crop(Window::new(Cell::new(0, 0), 32, 48))?;
+    /// let fine = style.amplify(&coarse, 2, &DetailUse::default(), Seed(1), &Stop::new())?;
+    /// assert_eq!(fine.shape(), (64, 96));
+    /// assert_eq!(fine.cell_size().x(), coarse.cell_size().x() / 2.0);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    /// When the style has no detail, a setting is out of range, there are more than 2^30 cells to make or more than the detail model
+    /// can, or the work is stopped.
+    pub fn amplify(&self, dem: &Dem, factor: usize, how: &DetailUse, seed: Seed, stop: &Stop) -> Result<Dem> {
+        detail::amplify(dem, &**self.needed_detail()?, self.origin.normalization, factor, how, seed, stop)
     }
 }

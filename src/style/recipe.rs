@@ -6,7 +6,7 @@ use super::{Registry, Style};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::grid::Cell;
+use crate::grid::{Cell, Window};
 use crate::seed::Seed;
 use crate::systems::gpnn::{self, PatchDetail};
 use crate::systems::landscape::LandscapeSystem;
@@ -99,6 +99,17 @@ impl Recipe {
             keep_terrain: true,
             known: None,
             registry: Registry::default(),
+        })
+    }
+
+    /// Terrain from drawings of few strokes alone: nothing is trained.
+    ///
+    /// # Errors
+    /// Never: its own settings are in range.
+    pub fn drawings(seed: Seed) -> Result<Self> {
+        Ok(Self {
+            systems: vec![system_plan::<SynthesisSystem>(Default::default())?],
+            ..Self::network(&StyleConfig::default(), seed)?
         })
     }
 
@@ -249,12 +260,12 @@ impl Recipe {
 ///
 /// # Errors
 /// When a large DEM holds no whole patch.
-pub fn default_window(dem: &Dem) -> Result<(Cell, usize, usize)> {
-    let (rows, cols) = dem.shape();
-    if rows * cols <= LARGEST_WHOLE {
-        return Ok((Cell::new(0, 0), rows, cols));
+pub fn default_window(dem: &Dem) -> Result<Window> {
+    let whole = Window::whole(dem.shape());
+    if whole.rows * whole.cols <= LARGEST_WHOLE {
+        return Ok(whole);
     }
-    Ok((super::choose_exemplar(dem)?, super::PATCH, super::PATCH))
+    Ok(Window::square(super::choose_exemplar(dem)?, super::PATCH))
 }
 
 #[cfg(test)]

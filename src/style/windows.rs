@@ -2,7 +2,7 @@
 
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::grid::Cell;
+use crate::grid::{Cell, Window};
 
 /// Side of a patch in cells (Liu & Benes 2025, 4).
 pub const PATCH: usize = 128;
@@ -30,7 +30,7 @@ pub fn choose_exemplar(dem: &Dem) -> Result<Cell> {
     let mut best: Option<((bool, f64), Cell)> = None;
     for cell in patch_cells(dem).into_iter().filter(|c| near(c.row, down) && near(c.col, across)) {
         // A patch of voids only has nothing to teach.
-        let Ok(patch) = dem.crop(cell, PATCH, PATCH) else { continue };
+        let Ok(patch) = dem.crop(Window::square(cell, PATCH)) else { continue };
         let key = (patch.void_count() == 0, variance(&patch));
         if best.is_none_or(|(b, _)| key.0 && !b.0 || key.0 == b.0 && key.1 > b.1) {
             best = Some((key, cell));
@@ -70,7 +70,7 @@ mod tests {
         let dem = Dem::new(heights, CellSize::square(30.0).unwrap()).unwrap();
         assert_eq!(choose_exemplar(&dem).unwrap(), bumpy);
         assert_eq!(patch_cells(&dem).len(), 25);
-        let small = dem.crop(Cell::new(0, 0), 100, 300).unwrap();
+        let small = dem.crop(Window::new(Cell::new(0, 0), 100, 300)).unwrap();
         assert!(choose_exemplar(&small).unwrap_err().to_string().contains("100x300"));
     }
 }

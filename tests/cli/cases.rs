@@ -3,7 +3,7 @@
 use super::{Answer, done, fails, run, temporary};
 use monadnock::dem::io::{ReadOptions, WriteOptions, read, write};
 use monadnock::dem::{Dem, bundled};
-use monadnock::grid::Cell;
+use monadnock::grid::{Cell, Window};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -208,7 +208,7 @@ fn through_a_gis(text: &str) -> String {
 fn a_sketch_comes_back_from_a_gis() {
     let folder = temporary();
     let at = folder.path();
-    let window: Dem = bundled::load("sierra").unwrap().crop(Cell::new(64, 100), 72, 96).unwrap();
+    let window: Dem = bundled::load("sierra").unwrap().crop(Window::new(Cell::new(64, 100), 72, 96)).unwrap();
     write(&window, &at.join("window.tif"), &WriteOptions::default()).unwrap();
     let like = at.join("window.tif");
     let like = like.to_str().unwrap();
@@ -344,7 +344,7 @@ fn what_eval_saves_lies_where_it_was() {
     let args = ["eval", "s.safetensors", "sierra", "--patches", "256,128", "--systems", "laplace", "--save"];
     let answer = run(at, &[&args[..], &[out.to_str().unwrap(), "-q"]].concat());
     assert_eq!(answer.code, 0, "{}", answer.err);
-    let place = bundled::load("sierra").unwrap().crop(Cell::new(256, 128), 128, 128).unwrap();
+    let place = bundled::load("sierra").unwrap().crop(Window::square(Cell::new(256, 128), 128)).unwrap();
     for file in ["truth.tif", "laplace.tif"] {
         let dem = read(&out.join("256_128").join(file), &ReadOptions::default()).unwrap();
         assert_eq!(

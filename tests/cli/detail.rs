@@ -281,7 +281,7 @@ fn patches_are_detail_that_needs_no_training() {
 fn strength_is_measured_on_terrain_that_the_coarse_model_has_not_seen() {
     use monadnock::control::{Control, Progress};
     use monadnock::dem::Dem;
-    use monadnock::grid::Cell;
+    use monadnock::grid::{Cell, Window};
     use monadnock::seed::Seed;
     use monadnock::style::{Exemplar, Source, StyleConfig, unseen_surface};
 
@@ -289,7 +289,7 @@ fn strength_is_measured_on_terrain_that_the_coarse_model_has_not_seen() {
     let mut config = StyleConfig::default();
     (config.model.epochs, config.model.extractions) = (4, 1);
     let shares = |dem: &Dem, side: usize| {
-        let source = Source::new("sierra", dem, Cell::new(192, 192), side, side).unwrap();
+        let source = Source::new("sierra", dem, Window::square(Cell::new(192, 192), side)).unwrap();
         let exemplar = Exemplar::new(&source, &config.extraction, Seed(1)).unwrap();
         let mut shares = Vec::new();
         let mut progress = |done: &Progress<'_>| shares.push(done.share);

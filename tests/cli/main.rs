@@ -8,6 +8,7 @@
 
 mod detail;
 mod cases;
+mod experiments;
 mod input;
 mod outputs;
 mod sketches;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::evaluate::{EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_cells, to_csv};
 use crate::extract;
 use crate::file;
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{Sketch, samples};
 use crate::style::{Method, NETWORK, Recipe, Source, Style, StyleConfig, add_detail, learn};
@@ -67,7 +67,7 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         let started = Instant::now();
         let dem = bundled::load(name)?;
         let origin = choose_exemplar(&dem)?;
-        let source = Source::new(name, &dem, origin, PATCH, PATCH)?;
+        let source = Source::new(name, &dem, Window::square(origin, PATCH))?;
         let recipe = Recipe::network(&config, context.seed)?.with_patches()?.with_systems_for_drawings()?;
         let style = watched(context, None, None, |control| learn(&source, &recipe, control))?;
         timed(format!("training on {name}"), started);

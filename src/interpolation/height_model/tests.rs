@@ -1,7 +1,7 @@
 use super::network::{CROSSES, Network};
 use super::*;
 use crate::dem::{CellSize, Dem, Normalization, bundled};
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::sketch::{Sketch, Stroke, StrokeKind, Vertex};
 use proptest::prelude::*;
 use std::sync::OnceLock;
@@ -11,7 +11,7 @@ fn sierra() -> &'static HeightModel {
     static MODEL: OnceLock<HeightModel> = OnceLock::new();
     MODEL.get_or_init(|| {
         let dem = bundled::load("sierra").unwrap();
-        HeightModel::fit(&dem.crop(Cell::new(128, 128), 192, 192).unwrap()).unwrap()
+        HeightModel::fit(&dem.crop(Window::square(Cell::new(128, 128), 192)).unwrap()).unwrap()
     })
 }
 

@@ -4,6 +4,8 @@
 //! not read); each keeps the heights of the lines exactly and needs at least one line cell.
 
 mod distance;
+#[cfg(test)]
+mod oracle_tests;
 mod surface;
 
 pub use distance::{InverseDistance, Nearest};

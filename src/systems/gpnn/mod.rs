@@ -21,7 +21,7 @@ use crate::control::{Control, Progress, Stage, Stop};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
-use crate::grid::{Cell, Grid, gaussian};
+use crate::grid::{Cell, Grid, Window, gaussian};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind};
@@ -159,7 +159,7 @@ impl PatchDetail {
         let (rows, cols) = self.shape();
         let middle = cols / 2;
         let from = |first: usize, width: usize| -> Result<Option<Residual>> {
-            let part = |map: &Grid<f32>| map.crop(Cell::new(0, first), rows, width);
+            let part = |map: &Grid<f32>| map.crop(Window::new(Cell::new(0, first), rows, width));
             let half = Self {
                 truth: part(&self.truth)?,
                 twin: part(&self.twin)?,

@@ -10,7 +10,7 @@ use crate::control::{Control, Stop};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
@@ -224,9 +224,11 @@ impl DetailModel for Detail {
         let mut field = self.noise(0, r, c, seed);
         let layout = match first.lens.view {
             // The frame of zeros is no layout: inside a larger map it would be a ring.
-            View::Heights => {
-                self.layout_noise().crop(Cell::new(REACH, REACH), self.sizes[0].0, self.sizes[0].1)?
-            }
+            View::Heights => self.layout_noise().crop(Window::new(
+                Cell::new(REACH, REACH),
+                self.sizes[0].0,
+                self.sizes[0].1,
+            ))?,
             View::Slopes => self.layout_noise(),
         };
         what.mix(&mut field, &layout);

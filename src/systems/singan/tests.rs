@@ -6,7 +6,7 @@ use super::train::{noise_field, turned};
 use super::{Detail, DetailConfig, DetailInfo};
 use crate::control::{Checkpoints, Control, Progress, Stop};
 use crate::error::Result;
-use crate::grid::{Cell, Grid, Mask};
+use crate::grid::{Cell, Grid, Mask, Window};
 use crate::metrics::psnr;
 use crate::seed::Seed;
 use crate::systems::task::{DetailModel, DetailUse, SampleUse};
@@ -151,7 +151,7 @@ fn variety_says_how_much_of_the_layout_is_new() {
         let error = |side: usize, variety: f32, seed: u64| {
             let what = SampleUse { rows: side, cols: side, variety };
             let map = detail.sample(&what, Seed(seed), &Stop::new()).unwrap();
-            let middle = map.crop(Cell::new((side - 40) / 2, (side - 40) / 2), 40, 40).unwrap();
+            let middle = map.crop(Window::square(Cell::new((side - 40) / 2, (side - 40) / 2), 40)).unwrap();
             let level = |map: &Grid<f32>| map.as_slice().iter().sum::<f32>() / map.len() as f32;
             let base = level(&middle) - level(&heights);
             let pairs = middle.as_slice().iter().zip(heights.as_slice());

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::extract::{MainLines, MainLinesConfig};
 use crate::grid::pyramid::{doubled, halved, halved_mask};
 use crate::grid::resample::resample;
-use crate::grid::{Cell, Grid, Mask, gaussian};
+use crate::grid::{Cell, Grid, Mask, Window, gaussian};
 use crate::interpolation::harmonic;
 use crate::landscape::{self, LandscapeConfig, LandscapeFit};
 use crate::seed::Seed;
@@ -51,10 +51,7 @@ pub struct Synthesis {
 
 /// A part of the exemplar and its main lines.
 struct Tile {
-    /// Its north-west cell.
-    origin: Cell,
-    /// (rows, columns).
-    size: (usize, usize),
+    window: Window,
     lines: MainLines,
 }
 
@@ -272,9 +269,9 @@ impl Synthesis {
         let mut tiles = Vec::new();
         for rows in down.windows(2) {
             for cols in right.windows(2) {
-                let (origin, size) = (Cell::new(rows[0], cols[0]), (rows[1] - rows[0], cols[1] - cols[0]));
-                if valid.crop(origin, size.0, size.1)?.as_slice().contains(&true) {
-                    tiles.push((origin, size));
+                let window = Window::new(Cell::new(rows[0], cols[0]), rows[1] - rows[0], cols[1] - cols[0]);
+                if valid.crop(window)?.as_slice().contains(&true) {
+                    tiles.push(window);
                 }
             }
         }
@@ -282,12 +279,12 @@ impl Synthesis {
         tiles
             .into_par_iter()
             .enumerate()
-            .map(|(i, (origin, size))| {
-                let (part, ok) = (heights.crop(origin, size.0, size.1)?, valid.crop(origin, size.0, size.1)?);
-                let most = self.lines_of_tile(self.config.most_lines, size);
+            .map(|(i, window)| {
+                let (part, ok) = (heights.crop(window)?, valid.crop(window)?);
+                let most = self.lines_of_tile(self.config.most_lines, window.shape());
                 let config = MainLinesConfig::default();
                 let lines = MainLines::of(&part, &ok, &config, most, seed.derive_indexed("tile", i))?;
-                Ok(Tile { origin, size, lines })
+                Ok(Tile { window, lines })
             })
             .collect()
     }
@@ -303,9 +300,10 @@ impl Synthesis {
         let (rows, cols) = self.shape();
         let draw = |tiles: &Vec<Tile>| {
             let mut strokes: Vec<Stroke> = Vec::new();
-            for Tile { origin, size, lines } in tiles {
+            for Tile { window, lines } in tiles {
+                let origin = window.origin;
                 for (own, count) in [(&lines.ridges, ridges), (&lines.valleys, valleys)] {
-                    for stroke in own.iter().take(self.lines_of_tile(count, *size)) {
+                    for stroke in own.iter().take(self.lines_of_tile(count, window.shape())) {
                         let mut stroke = stroke.clone();
                         for v in &mut stroke.vertices {
                             (v.x, v.y) = (v.x + origin.col as f64, v.y + origin.row as f64);
@@ -380,7 +378,8 @@ impl Synthesis {
                 landscape: match &landscape {
                     Some(found) => {
                         let (rows, cols) = shape(l);
-                        let heights = found.heights(1 << l)?.crop(Cell::new(0, 0), rows, cols)?;
+                        let heights =
+                            found.heights(1 << l)?.crop(Window::new(Cell::new(0, 0), rows, cols))?;
                         Some(with(heights.map(|z| (f64::from(*z) - self.datum) as f32)))
                     }
                     None => None,

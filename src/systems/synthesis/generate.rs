@@ -14,7 +14,7 @@ use super::votes::votes;
 use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::pyramid::doubled;
-use crate::grid::{Cell, Grid, gaussian};
+use crate::grid::{Cell, Grid, Window, gaussian};
 use crate::interpolation::{Gradients, ScreenedPoisson};
 use crate::landscape::{self, BreachConfig, LandscapeConfig};
 use crate::seed::Seed;
@@ -60,7 +60,10 @@ impl Synthesis {
         }
         let made = Run::new(self, lines, seed, stop)?.run()?;
         let datum = self.datum();
-        let map = made.heights.crop(Cell::new(0, 0), rows, cols)?.map(|z| (f64::from(*z) + datum) as f32);
+        let map = made
+            .heights
+            .crop(Window::new(Cell::new(0, 0), rows, cols))?
+            .map(|z| (f64::from(*z) + datum) as f32);
         stop.check()?;
         let pinned = landscape::pin(&map, lines)?;
         let pit_share = self.landscape().pit_share.max(LEAST_PITS);
@@ -69,7 +72,7 @@ impl Synthesis {
         Ok(Synthesized {
             heights: drained.heights,
             provenance: Provenance::new(
-                &made.field.sources.crop(Cell::new(0, 0), rows, cols)?,
+                &made.field.sources.crop(Window::new(Cell::new(0, 0), rows, cols))?,
                 lines,
                 |cell| self.own_cell(cell),
             ),

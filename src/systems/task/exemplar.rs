@@ -4,7 +4,7 @@ use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::{self, ExtractionConfig};
 use crate::file;
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::interpolation::{NaturalNeighbours, harmonic};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
@@ -48,12 +48,13 @@ pub struct Source {
 }
 
 impl Source {
-    /// Cuts the window of `rows` x `cols` at `origin` out of a DEM called `name`.
+    /// A window of a DEM called `name`.
     ///
     /// # Errors
     /// When the window reaches past the frame or holds voids only.
-    pub fn new(name: &str, dem: &Dem, origin: Cell, rows: usize, cols: usize) -> Result<Self> {
-        let window = dem.crop(origin, rows, cols)?;
+    pub fn new(name: &str, dem: &Dem, window: Window) -> Result<Self> {
+        let Window { origin, rows, cols } = window;
+        let window = dem.crop(window)?;
         let cell = window.cell_size();
         let info = ExemplarInfo {
             name: name.to_owned(),
@@ -72,8 +73,16 @@ impl Source {
         };
         let (row, tall) = around(origin.row, rows, dem.shape().0);
         let (col, wide) = around(origin.col, cols, dem.shape().1);
-        let terrain = Arc::new(dem.crop(Cell::new(row, col), tall, wide)?);
+        let terrain = Arc::new(dem.crop(Window::new(Cell::new(row, col), tall, wide))?);
         Ok(Self { dem: window, info, terrain })
+    }
+
+    /// The whole of a DEM called `name`.
+    ///
+    /// # Errors
+    /// When it holds voids only.
+    pub fn whole(name: &str, dem: &Dem) -> Result<Self> {
+        Self::new(name, dem, Window::whole(dem.shape()))
     }
 
     /// The same with a smaller window: `cols` of its columns from `first` on.
@@ -81,7 +90,7 @@ impl Source {
     /// # Errors
     /// When the columns hold voids only.
     pub fn columns(&self, first: usize, cols: usize) -> Result<Self> {
-        Self::new(&self.info.name, &self.dem, Cell::new(0, first), self.info.rows, cols)
+        Self::new(&self.info.name, &self.dem, Window::new(Cell::new(0, first), self.info.rows, cols))
     }
 }
 

@@ -1,16 +1,16 @@
 //! The classical systems against scipy on two real patches (`tests/oracle/interpolation_and_metrics.py`).
 #![allow(clippy::unwrap_used, reason = "a test: the fixture is ours")]
 
-use monadnock::control::Stop;
-use monadnock::grid::{Cell, Grid};
-use monadnock::interpolation::{biharmonic, harmonic};
-use monadnock::seed::Seed;
-use monadnock::sketch::{LineMap, StrokeKind};
-use monadnock::systems::classical;
+use crate::control::Stop;
+use crate::grid::{Cell, Grid};
+use crate::interpolation::{biharmonic, harmonic};
+use crate::seed::Seed;
+use crate::sketch::{LineMap, StrokeKind};
+use crate::systems::classical;
 use serde_json::Value;
 
 fn fixture() -> Value {
-    serde_json::from_str(include_str!("oracle/interpolation_and_metrics.json")).unwrap()
+    serde_json::from_str(include_str!("../../../tests/oracle/interpolation_and_metrics.json")).unwrap()
 }
 
 struct Patch {

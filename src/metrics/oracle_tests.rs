@@ -1,13 +1,14 @@
 //! Metrics against scikit-image, scipy and numpy on two real patches (`tests/oracle/interpolation_and_metrics.py`).
 #![allow(clippy::unwrap_used, reason = "a test: the fixture is ours")]
 
-use monadnock::grid::{Cell, Grid};
-use monadnock::metrics;
+use crate::grid::{Cell, Grid};
+use crate::metrics;
 use serde_json::Value;
 
 #[test]
 fn metrics_agree_with_independent_tools() {
-    let fixture: Value = serde_json::from_str(include_str!("oracle/interpolation_and_metrics.json")).unwrap();
+    let fixture: Value =
+        serde_json::from_str(include_str!("../../tests/oracle/interpolation_and_metrics.json")).unwrap();
     let side = |name: &str| fixture[name].as_u64().unwrap() as usize;
     let (rows, cols) = (side("rows"), side("cols"));
     let mut compared = 0;

@@ -2,14 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use monadnock::experiment::areas::Terrain;
-use monadnock::experiment::documents::{self, Form};
-use monadnock::experiment::record::Record;
-use monadnock::experiment::resolve::resolve;
-use monadnock::experiment::rows::ScoreTable;
-use monadnock::experiment::run::{RunOptions, run};
-use monadnock::experiment::{ExperimentSpec, bounds, report};
-use monadnock::viz::Picture;
+use crate::experiment::areas::Terrain;
+use crate::experiment::documents::{self, Form};
+use crate::experiment::record::Record;
+use crate::experiment::resolve::resolve;
+use crate::experiment::rows::ScoreTable;
+use crate::experiment::run::{RunOptions, run};
+use crate::experiment::{ExperimentSpec, bounds, report};
+use crate::viz::Picture;
 use std::fs;
 use std::path::Path;
 
@@ -115,7 +115,7 @@ fn every_style_meets_every_sketch() {
     // An interpolator knows no style, but what it is held against does.
     let column = ran.scores.column("style_slope_ratio").unwrap();
     let value = |area: &str, metric: usize| {
-        let of = |r: &&monadnock::experiment::rows::ScoreRow| {
+        let of = |r: &&crate::experiment::rows::ScoreRow| {
             (r.key.system.as_str(), r.key.area.as_str(), r.key.sketch.as_str())
                 == ("natural-neighbour", area, b)
         };
@@ -197,9 +197,9 @@ fn coarser_cells_are_means() {
     let resolved = resolve(&ran.record.spec().unwrap(), &Terrain::default()).unwrap();
     let (fine, coarse) = (&resolved.areas[0].dem, &resolved.areas[1].dem);
     assert_eq!((coarse.shape().0 * 2, coarse.cell_size().x()), (fine.shape().0, fine.cell_size().x() * 2.0));
-    let z = |row, col| f64::from(fine.heights()[monadnock::grid::Cell::new(row, col)]);
+    let z = |row, col| f64::from(fine.heights()[crate::grid::Cell::new(row, col)]);
     let mean = (z(10, 20) + z(10, 21) + z(11, 20) + z(11, 21)) / 4.0;
-    assert!((f64::from(coarse.heights()[monadnock::grid::Cell::new(5, 10)]) - mean).abs() < 1e-3);
+    assert!((f64::from(coarse.heights()[crate::grid::Cell::new(5, 10)]) - mean).abs() < 1e-3);
 }
 
 #[test]
