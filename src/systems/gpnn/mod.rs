@@ -31,7 +31,7 @@ use crate::systems::task::{
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
-use synthesis::{Asked, Pair};
+use synthesis::{Pair, Query};
 
 /// Smallest side of an exemplar, cells.
 const SMALLEST: usize = 32;
@@ -233,7 +233,7 @@ impl DetailModel for PatchDetail {
             truth: self.truth.clone(),
             marks: dense.as_ref().map(|_| self.marks.clone()),
         };
-        let asked = Asked {
+        let asked = Query {
             heights,
             marks: dense.as_ref(),
             size,

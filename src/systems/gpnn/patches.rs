@@ -5,8 +5,7 @@
 //! steep slopes are compared by their form, and what is copied is scaled back.
 
 use super::search::Table;
-use super::synthesis::turned;
-use crate::grid::Grid;
+use crate::grid::{Cell, Grid};
 use crate::machine;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -167,4 +166,16 @@ pub(super) fn as_keys(rows: &Table, weights: &[f32]) -> Table {
         (row[depth - 2], row[depth - 1]) = (weight, weight * row[depth - 2]);
     });
     Table { depth, values }
+}
+
+/// One of the eight symmetries of a raster.
+pub(super) fn turned(map: &Grid<f32>, turn: usize) -> Grid<f32> {
+    let (rows, cols) = map.shape();
+    let across = turn & 4 != 0;
+    let shape = if across { (cols, rows) } else { (rows, cols) };
+    Grid::from_fn(shape.0, shape.1, |cell| {
+        let (row, col) = if across { (cell.col, cell.row) } else { (cell.row, cell.col) };
+        let row = if turn & 1 != 0 { rows - 1 - row } else { row };
+        map[Cell::new(row, if turn & 2 != 0 { cols - 1 - col } else { col })]
+    })
 }

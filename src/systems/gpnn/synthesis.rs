@@ -1,7 +1,7 @@
 //! Coarse to fine: at every scale each patch of the map becomes the exemplar's most fitting one.
 
 use super::clusters::Clusters;
-use super::patches::{Layers, SIDE, Units, Waves, as_keys};
+use super::patches::{Layers, SIDE, Units, Waves, as_keys, turned};
 use super::search::least;
 use crate::control::Stop;
 use crate::error::{Error, Result};
@@ -40,7 +40,7 @@ pub(super) struct Pair {
 }
 
 /// The map to which detail is added.
-pub(super) struct Asked<'a> {
+pub(super) struct Query<'a> {
     pub(super) heights: &'a Grid<f32>,
     pub(super) marks: Option<&'a Grid<f32>>,
     /// Forms smaller than this are searched, cells.
@@ -87,7 +87,7 @@ pub(super) fn first_scale(size: f64, shortest: usize) -> usize {
 ///
 /// # Errors
 /// When the map is too large to be searched, or the work is stopped.
-pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed, stop: &Stop) -> Result<Option<Grid<f32>>> {
+pub(super) fn residual(asked: &Query<'_>, pair: &Pair, seed: Seed, stop: &Stop) -> Result<Option<Grid<f32>>> {
     let shortest = [asked.heights.rows(), asked.heights.cols(), pair.truth.rows(), pair.truth.cols()];
     let shortest = shortest.into_iter().min().unwrap_or(0);
     if shortest < 2 * SIDE {
@@ -97,7 +97,7 @@ pub(super) fn residual(asked: &Asked<'_>, pair: &Pair, seed: Seed, stop: &Stop) 
     let start = first_scale(asked.size, shortest);
     let slope = |map: &Grid<f32>| mean_square_slope(&at(map, start)).sqrt() as f32;
     let (own, exemplar) = (slope(asked.heights), slope(&pair.smooth));
-    // Asked of the map as it is: shrinking leaves rounding where there is no slope.
+    // Query of the map as it is: shrinking leaves rounding where there is no slope.
     if mean_square_slope(asked.heights) <= 0.0 || own <= 0.0 || exemplar <= 0.0 {
         return Ok(None);
     }
@@ -143,18 +143,6 @@ impl Exemplars {
         let all = (0..TURNS).map(|turn| layers.turned(turn)).collect();
         Self { layers: all, values: (0..TURNS).map(|turn| turned(value, turn)).collect() }
     }
-}
-
-/// One of the eight symmetries of a raster.
-pub(super) fn turned(map: &Grid<f32>, turn: usize) -> Grid<f32> {
-    let (rows, cols) = map.shape();
-    let across = turn & 4 != 0;
-    let shape = if across { (cols, rows) } else { (rows, cols) };
-    Grid::from_fn(shape.0, shape.1, |cell| {
-        let (row, col) = if across { (cell.col, cell.row) } else { (cell.row, cell.col) };
-        let row = if turn & 1 != 0 { rows - 1 - row } else { row };
-        map[Cell::new(row, if turn & 2 != 0 { cols - 1 - col } else { col })]
-    })
 }
 
 /// The places of every symmetry that take part in a draw: whole tiles, so that neighbouring patches stay together.

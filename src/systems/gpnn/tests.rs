@@ -1,9 +1,9 @@
 //! Detail from patches on small ground.
 
 use super::clusters::Clusters;
+use super::patches::turned;
 use super::patches::{Layers, SIDE, Units, Waves, as_keys};
 use super::search::{Table, least};
-use super::synthesis::turned;
 use super::*;
 use crate::control::Stop;
 use crate::grid::Mask;

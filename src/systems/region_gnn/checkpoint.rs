@@ -1,6 +1,6 @@
 //! A training that was interrupted, in a file: weights, moments of Adam, what was logged.
 
-use super::train::EpochReport;
+use super::record::EpochReport;
 use crate::error::Result;
 use crate::learn::{Adam, ParamStore, Resumable};
 use serde::{Deserialize, Serialize};

@@ -81,7 +81,7 @@ struct RandomEdges {
 }
 
 /// Where the edges of one block go.
-struct Room<'a> {
+struct BlockRows<'a> {
     block: usize,
     regions: &'a mut [u32],
     ends: &'a mut [u32],
@@ -89,6 +89,13 @@ struct Room<'a> {
 }
 
 impl PassEdges {
+    /// 1 for regions with an edge that is not masked, 0 for the others: a node that nothing reaches gathers nothing, not even a
+    /// bias.
+    pub(super) fn reached_regions(&self) -> Vec<f32> {
+        let reached = |(region, masked): (usize, &bool)| !masked && self.region_degree(region) > 0;
+        self.masked().iter().enumerate().map(|r| if reached(r) { 1.0 } else { 0.0 }).collect()
+    }
+
     /// Draws `random` edges, noise of standard deviation `noise`, and masks each part with probability `masked`.
     #[must_use]
     pub fn draw(graph: &Arc<RegionGraph>, random: usize, noise: f64, masked: f64, seed: Seed) -> Self {
@@ -159,18 +166,18 @@ impl PassEdges {
         ends.clear();
         ends.resize(self.graph.pixel_count(), 0);
         columns.resize(room * rows, 0.0);
-        let mut rooms = Vec::with_capacity(blocks);
+        let mut parts = Vec::with_capacity(blocks);
         let mut rest = (regions.as_mut_slice(), columns.as_mut_slice());
         for (block, ends) in ends.chunks_mut(BLOCK).enumerate() {
             let size = starts[block + 1] - starts[block];
             let (regions, rest_of_regions) = rest.0.split_at_mut(size);
             let (columns, rest_of_columns) = rest.1.split_at_mut(size * rows);
             rest = (rest_of_regions, rest_of_columns);
-            rooms.push(Room { block, regions, ends, columns });
+            parts.push(BlockRows { block, regions, ends, columns });
         }
-        rooms.into_par_iter().with_min_len(64).for_each(|room| {
+        parts.into_par_iter().with_min_len(64).for_each(|part| {
             if !self.graph.stop().is_raised() {
-                self.fill(room, &random, noise);
+                self.fill(part, &random, noise);
             }
         });
         self.lists = lists;
@@ -178,36 +185,36 @@ impl PassEdges {
     }
 
     /// Writes the edges of one block.
-    fn fill(&self, room: Room<'_>, random: &RandomEdges, noise: &[f32]) {
+    fn fill(&self, part: BlockRows<'_>, random: &RandomEdges, noise: &[f32]) {
         let (graph, fixed) = (&self.graph, self.graph.nearest().len());
         let n = graph.features().stored_count();
-        let stride = room.regions.len();
+        let stride = part.regions.len();
         let mut ids = Vec::with_capacity(stride);
-        self.each_drawn(room.block, random, |slot, region, edge| {
-            room.regions[ids.len()] = region;
+        self.each_drawn(part.block, random, |slot, region, edge| {
+            part.regions[ids.len()] = region;
             ids.push(edge);
-            room.ends[slot] = ids.len() as u32;
+            part.ends[slot] = ids.len() as u32;
         });
         let at = ids.len();
-        let (stored, noises) = room.columns.split_at_mut(n * stride);
+        let (stored, noises) = part.columns.split_at_mut(n * stride);
         for (row, column) in stored.chunks_exact_mut(stride).enumerate() {
             for (value, edge) in column.iter_mut().zip(&ids).filter(|(_, edge)| **edge < fixed) {
                 *value = graph.stored()[edge * n + row];
             }
         }
         for i in (0..at).filter(|&i| ids[i] >= fixed) {
-            let slot = room.ends.iter().take_while(|end| **end as usize <= i).count();
-            let pixel = room.block * BLOCK + slot;
-            let drawn = graph.stored_for(pixel, room.regions[i] as usize);
+            let slot = part.ends.iter().take_while(|end| **end as usize <= i).count();
+            let pixel = part.block * BLOCK + slot;
+            let drawn = graph.stored_for(pixel, part.regions[i] as usize);
             stored[i..].iter_mut().step_by(stride).zip(&drawn[..n]).for_each(|(to, value)| *to = *value);
         }
         for (value, edge) in noises.iter_mut().zip(&ids) {
             *value = noise[*edge];
         }
-        room.regions[at..].fill(0);
+        part.regions[at..].fill(0);
         // Pixels without an edge end where the one before them does.
-        for slot in 1..room.ends.len() {
-            room.ends[slot] = room.ends[slot].max(room.ends[slot - 1]);
+        for slot in 1..part.ends.len() {
+            part.ends[slot] = part.ends[slot].max(part.ends[slot - 1]);
         }
     }
 

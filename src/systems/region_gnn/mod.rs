@@ -18,6 +18,7 @@ mod network;
 #[cfg(test)]
 mod network_tests;
 mod plain;
+mod record;
 mod region;
 mod system;
 mod train;
@@ -29,6 +30,7 @@ pub use edges::PassEdges;
 pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
 pub use graph::{Anchor, RegionGraph};
 pub use network::{Network, Output};
+pub use record::{EpochReport, LossValues, TrainingRecord};
 pub use region::{Projection, Region, RegionId};
 pub use system::{NetworkDescription, RegionNetwork, RegionNetworkConfig, TrainingSummary};
-pub use train::{DrawnExemplar, EpochReport, LossValues, SMALLEST_EXEMPLAR, TrainingRecord, train};
+pub use train::{DrawnExemplar, SMALLEST_EXEMPLAR, train};

@@ -144,13 +144,6 @@ impl Network {
     }
 }
 
-/// 1 for regions with an edge that is not masked, 0 for the others: a node that nothing reaches gathers nothing, not even a
-/// bias.
-pub(super) fn reached_regions(edges: &PassEdges) -> Vec<f32> {
-    let reached = |(region, masked): (usize, &bool)| !masked && edges.region_degree(region) > 0;
-    edges.masked().iter().enumerate().map(|r| if reached(r) { 1.0 } else { 0.0 }).collect()
-}
-
 fn add_mlp(params: &mut ParamStore, name: &str, input: usize, hidden: usize, output: usize) -> Result<()> {
     for (part, inputs, outputs) in [("hidden", input, hidden), ("out", hidden, output)] {
         let bound = (inputs as f64).sqrt().recip();

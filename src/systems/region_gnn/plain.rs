@@ -6,7 +6,6 @@
 use super::config::{Pooling, RegionGnnConfig};
 use super::edges::{BLOCK, PassEdges};
 use super::fused::LEAK;
-use super::network::reached_regions;
 use crate::error::Result;
 use crate::learn::ParamStore;
 use candle_core::{D, DType, Device, Tensor};
@@ -164,7 +163,7 @@ impl Plain<'_> {
         let total = zeros(1)?.index_add(to, &weight, 0)?;
         // A node that nothing reaches divides zero by one.
         let reached = if to_regions {
-            reached_regions(self.edges)
+            self.edges.reached_regions()
         } else {
             let mut reached = vec![0.0; graph.pixel_count()];
             nodes.iter().for_each(|&pixel| reached[pixel as usize] = 1.0);

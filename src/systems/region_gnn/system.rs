@@ -5,7 +5,8 @@
 use super::config::{HeightFrame, NAME, Preset, RegionGnnConfig};
 use super::generate::{GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
 use super::network::Network;
-use super::train::{DrawnExemplar, EpochReport, TrainingRecord, train};
+use super::record::{EpochReport, TrainingRecord};
+use super::train::{DrawnExemplar, train};
 use crate::arrays::Arrays;
 use crate::checked::{Checked, Settings};
 use crate::control::{Control, Stop};

@@ -10,6 +10,7 @@ use super::edges::{PassEdges, Spare};
 use super::graph::RegionGraph;
 use super::losses::{Target, further, ground_truth, sketch_order, slope, smooth};
 use super::network::{Network, Output};
+use super::record::{EpochReport, LossValues, TrainingRecord};
 use crate::control::{Control, Progress as Told, Stage, Stop};
 use crate::error::{Error, Result};
 use crate::file;
@@ -56,51 +57,6 @@ impl DrawnExemplar {
         let heights = self.heights.as_slice().iter().map(|&z| f64::from(z)).collect();
         Target { rows, cols, heights, valid: self.valid.as_slice().to_vec() }.without_voids()
     }
-}
-
-/// The unweighted losses of one epoch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct LossValues {
-    /// l_gt, mean.
-    pub ground_truth: f64,
-    /// 1 - SSIM.
-    pub ssim: f64,
-    /// l_gradient, mean over pixels.
-    pub gradient: f64,
-    /// l_sketch.
-    pub sketch: f64,
-    /// l_smooth.
-    pub smooth: f64,
-    /// l_further.
-    pub further: f64,
-}
-
-/// One line of the training log.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EpochReport {
-    /// Epoch, counted from 1.
-    pub epoch: usize,
-    /// Epochs in all.
-    pub epochs: usize,
-    /// Losses of this epoch, with its noise and masked parts.
-    pub losses: LossValues,
-    /// Seconds since the training began.
-    pub seconds: f64,
-}
-
-/// What a training did.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct TrainingRecord {
-    /// Epochs run.
-    pub epochs: usize,
-    /// Seconds of the loop, preparation excluded.
-    pub seconds: f64,
-    /// Seconds to extract regions and weights before the loop.
-    pub preparation_seconds: f64,
-    /// Median seconds of an epoch.
-    pub seconds_per_epoch: f64,
-    /// A sample of the epochs, evenly spaced, the last included.
-    pub history: Vec<EpochReport>,
 }
 
 /// What a sketch's lines alone decide, whatever their parts.

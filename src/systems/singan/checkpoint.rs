@@ -1,8 +1,7 @@
 //! A detail training that was interrupted, in a file: the finished scales, both networks of the one in work, moments of Adam.
 
 use super::config::DetailConfig;
-use super::detail::ScaleInfo;
-use super::scale::Scale;
+use super::scale::{Scale, ScaleInfo};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::grid::Grid;

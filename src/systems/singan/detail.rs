@@ -1,9 +1,8 @@
 //! A trained detail model and its uses: detail for a given map, and terrain from noise.
 
-use super::config::{DetailConfig, NAME, View, shrunk};
+use super::config::{DetailConfig, View, shrunk};
 use super::network::REACH;
-use super::scale::Scale;
-use super::train::{FIXED_NOISE, noise_field, train};
+use super::scale::{FIXED_NOISE, Scale, ScaleInfo, noise_field};
 use crate::arrays::Arrays;
 use crate::checked::{Checked, Settings};
 use crate::control::{Control, Stop};
@@ -37,6 +36,10 @@ impl Detail {
     pub(super) fn empty(config: DetailConfig, sizes: Vec<(usize, usize)>) -> Self {
         let record = DetailRecord { seconds: 0.0, steps: Vec::new(), psnr: 0.0, gain: 1.0 };
         Self { config, sizes, scales: Vec::new(), fixed_noise: Seed::default(), record }
+    }
+
+    pub(super) const fn settings(&self) -> &DetailConfig {
+        &self.config
     }
 
     /// What the training was.
@@ -103,13 +106,13 @@ impl Detail {
     /// A scale's noise in its generator's frame.
     fn noise(&self, scale: usize, rows: usize, cols: usize, seed: Seed) -> Grid<f32> {
         let mut stream = seed.derive_indexed("noise of scale", scale).stream("field");
-        noise_field(self.scales[scale].lens, rows, cols, &mut stream)
+        noise_field(self.scales[scale].inputs, rows, cols, &mut stream)
     }
 
     /// The coarsest scale's noise that rebuilds the exemplar, in the generator's frame.
     fn layout_noise(&self) -> Grid<f32> {
         let (rows, cols) = self.sizes[0];
-        noise_field(self.scales[0].lens, rows, cols, &mut self.fixed_noise.stream(FIXED_NOISE))
+        noise_field(self.scales[0].inputs, rows, cols, &mut self.fixed_noise.stream(FIXED_NOISE))
     }
 
     /// The exemplar rebuilt from the fixed noise, 0 to 1.
@@ -222,7 +225,7 @@ impl DetailModel for Detail {
         let size = |scale: usize| shrunk((what.rows, what.cols), self.cell(scale).recip());
         let (first, (r, c)) = (&self.scales[0], size(0));
         let mut field = self.noise(0, r, c, seed);
-        let layout = match first.lens.view {
+        let layout = match first.inputs.view {
             // The frame of zeros is no layout: inside a larger map it would be a ring.
             View::Heights => self.layout_noise().crop(Window::new(
                 Cell::new(REACH, REACH),
@@ -253,20 +256,6 @@ pub struct DetailRecord {
     pub psnr: f64,
     /// Share of the trained detail that suits the exemplar best; 1 before [`Detail::calibrate`].
     pub gain: f32,
-}
-
-/// What a scale is beside its weights.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ScaleInfo {
-    /// Amplitude of the noise.
-    pub noise: f32,
-    /// Height of an output of 1.
-    pub output: f32,
-    /// Root mean square slope of the exemplar.
-    pub slope: f32,
-    /// The same of its coarse twins.
-    pub slope_of_twins: f32,
 }
 
 /// What a style file says of its detail model beside the weights.
@@ -323,48 +312,5 @@ impl Detail {
             detail.scales.push(Scale::from_info(&info.config, i, scale, values)?);
         }
         Ok(detail)
-    }
-}
-
-impl Part for Detail {
-    const NAME: &'static str = NAME;
-    type Config = DetailConfig;
-    type Description = DetailInfo;
-
-    /// The coarse twins of the training are natural-neighbour surfaces through the exemplar's lines, in the variants that the
-    /// coarse system learns from. The strength is the one that suits terrain which that has not seen, or else the first twin.
-    fn learn(exemplar: &Exemplar, config: &Checked<DetailConfig>, control: Control<'_>) -> Result<Self> {
-        let stop = control.stop.clone();
-        let (truth, twins) = (exemplar.filled()?, exemplar.twins(exemplar.extractions)?);
-        let surfaces: Vec<Grid<f32>> = twins.iter().map(|(surface, _)| surface.clone()).collect();
-        let mut detail = train(&truth, &surfaces, config, exemplar.seed.derive("detail"), control)?;
-        let (surface, lines) = &twins[0];
-        detail.calibrate(exemplar.unseen.as_ref().unwrap_or(surface), lines, &truth, &stop)?;
-        Ok(detail)
-    }
-
-    fn config(&self) -> &DetailConfig {
-        &self.config
-    }
-
-    fn account(&self) -> Account {
-        let r = &self.record;
-        let (scales, steps) = (r.steps.len(), r.steps.iter().sum::<usize>());
-        let text = format!(
-            "{scales} scales, {steps} steps in {:.1} s; exemplar rebuilt with PSNR {:.2} dB",
-            r.seconds, r.psnr
-        );
-        Account { text, seconds: r.seconds, figures: vec![("PSNR", r.psnr), ("strength", r.gain.into())] }
-    }
-
-    fn save(&self) -> Result<(DetailInfo, Arrays)> {
-        let (info, weights) = self.parts();
-        let mut arrays = Arrays::default();
-        weights.iter().for_each(|(name, values)| arrays.put_f32(name, &[values.len()], values));
-        Ok((info, arrays))
-    }
-
-    fn load(info: DetailInfo, arrays: &mut Arrays, _: Option<&Arc<Dem>>) -> Result<Self> {
-        Self::from_parts(info, |name| arrays.take_f32(name))
     }
 }

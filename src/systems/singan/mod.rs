@@ -5,10 +5,12 @@ pub mod config;
 mod detail;
 mod network;
 mod scale;
+mod system;
 mod train;
 
 pub use config::DetailConfig;
-pub use detail::{Detail, DetailInfo, DetailRecord, ScaleInfo};
+pub use detail::{Detail, DetailInfo, DetailRecord};
+pub use scale::ScaleInfo;
 pub use train::train;
 
 #[cfg(test)]

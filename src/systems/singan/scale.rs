@@ -1,26 +1,43 @@
 //! One scale of the generator: from the enlarged coarser map and noise to this scale's map, tile by tile.
 
 use super::config::{DetailConfig, View};
-use super::detail::ScaleInfo;
 use super::network::{Network, REACH, Shape, input_mut, tape};
 use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::learn::convolution::Plane;
+use crate::seed::Stream;
+use rand::RngExt;
+use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Cells of a tile's side: what a tile needs stays near 30 MB, whatever the map.
 const TILE: usize = 160;
 
+/// What a scale is beside its weights.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleInfo {
+    /// Amplitude of the noise.
+    pub noise: f32,
+    /// Height of an output of 1.
+    pub output: f32,
+    /// Root mean square slope of the exemplar.
+    pub slope: f32,
+    /// The same of its coarse twins.
+    pub slope_of_twins: f32,
+}
+
 /// How maps become inputs of the networks.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Lens {
+pub(super) struct Inputs {
     pub(super) view: View,
     /// Reciprocal root mean square slope of the exemplar at this scale; 1 in the view of heights.
     pub(super) gain: f32,
 }
 
-impl Lens {
+impl Inputs {
     /// Channels of the generator's input.
     pub(super) const fn generator_inputs(self) -> usize {
         match self.view {
@@ -177,7 +194,7 @@ impl Residual {
 pub(super) struct Scale {
     /// Without batch normalisation: folded.
     pub(super) net: Network,
-    pub(super) lens: Lens,
+    pub(super) inputs: Inputs,
     pub(super) residual: Residual,
     /// Amplitude of the noise.
     pub(super) noise: f32,
@@ -204,9 +221,9 @@ impl Scale {
     ) -> Result<Self> {
         let view = config.view;
         let gain = if view == View::Slopes { info.slope.recip() } else { 1.0 };
-        let lens = Lens { view, gain };
+        let inputs = Inputs { view, gain };
         let width = if index < 4 { config.width } else { config.fine_width };
-        let shape = Shape { inputs: lens.generator_inputs(), width, batch_norm: false };
+        let shape = Shape { inputs: inputs.generator_inputs(), width, batch_norm: false };
         let net = shape.net();
         let good = values.len() == net.value_count() && values.iter().all(|v| v.is_finite());
         let slopes = [info.slope, info.slope_of_twins];
@@ -222,7 +239,7 @@ impl Scale {
             slope_of_twins: info.slope_of_twins,
         };
         let net = Network { net, values };
-        Ok(Self { net, lens, residual, noise: info.noise })
+        Ok(Self { net, inputs, residual, noise: info.noise })
     }
 
     /// This scale's map from the enlarged coarser one. `field`: noise in the generator's frame.
@@ -267,7 +284,7 @@ impl Scale {
     ) -> Grid<f32> {
         let (rows, cols) = up.shape();
         let tile = tile.next_multiple_of(2);
-        let framed = self.lens.frame(up);
+        let framed = self.inputs.frame(up);
         let noise = Noise { field, amplitude: amplitude * self.noise };
         let corners: Vec<(usize, usize)> = (0..rows.div_ceil(tile))
             .flat_map(|r| (0..cols.div_ceil(tile)).map(move |c| (r * tile, c * tile)))
@@ -278,7 +295,7 @@ impl Scale {
                 let (rows, cols) = (tile.min(rows - row), tile.min(cols - col));
                 let mut tape = tape(&self.net.net, rows, cols);
                 if !stop.is_raised() {
-                    self.lens.look(&framed, &noise, row, col, input_mut(&mut tape));
+                    self.inputs.look(&framed, &noise, row, col, input_mut(&mut tape));
                     tape.forward(&self.net.values, None);
                 }
                 tape.output(0).clone()
@@ -297,3 +314,19 @@ impl Scale {
         map
     }
 }
+
+/// A frame of unit normal values for a scale's generator.
+pub(super) fn noise_field(inputs: Inputs, rows: usize, cols: usize, stream: &mut Stream) -> Grid<f32> {
+    let (framed_rows, framed_cols) = inputs.framed(rows, cols);
+    let inside = |i: usize, side: usize| (REACH..REACH + side).contains(&i);
+    Grid::from_fn(framed_rows, framed_cols, |c| {
+        // The published padding is zeros around noise and map alike.
+        if inputs.view == View::Heights && !(inside(c.row, rows) && inside(c.col, cols)) {
+            return 0.0;
+        }
+        stream.sample::<f32, _>(StandardNormal)
+    })
+}
+
+/// The name of the stream that draws the reconstruction's noise.
+pub(super) const FIXED_NOISE: &str = "fixed noise";

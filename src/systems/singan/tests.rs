@@ -1,8 +1,9 @@
 //! Training and use of the whole model on small ground.
 
 use super::config::{Decay, View};
-use super::scale::Lens;
-use super::train::{noise_field, turned};
+use super::scale::Inputs;
+use super::scale::noise_field;
+use super::train::turned;
 use super::{Detail, DetailConfig, DetailInfo};
 use crate::control::{Checkpoints, Control, Progress, Stop};
 use crate::error::Result;
@@ -82,7 +83,7 @@ fn training_learns_to_rebuild_the_exemplar() {
 fn tiled_equals_untiled_to_the_bit() {
     let scale = model().scales.last().unwrap();
     let up = ground(61);
-    let field = noise_field(scale.lens, 61, 61, &mut Seed(5).stream("noise"));
+    let field = noise_field(scale.inputs, 61, 61, &mut Seed(5).stream("noise"));
     let whole = scale.apply_tiled(&up, Some(&field), 1.0, 1000);
     assert_ne!(whole, up);
     for tile in [7, 16, 61] {
@@ -215,16 +216,16 @@ fn bad_input_and_divergence_are_named() {
 #[test]
 fn the_critics_view_has_its_adjoint() {
     for view in [View::Heights, View::Slopes] {
-        let lens = Lens { view, gain: 1.7 };
+        let inputs = Inputs { view, gain: 1.7 };
         let map = ground(12);
-        let (side, channels) = (12 - lens.loss(), lens.critic_inputs());
+        let (side, channels) = (12 - inputs.loss(), inputs.critic_inputs());
         let mut seen = crate::learn::convolution::Plane::zeros(side, side, channels, 0);
-        lens.judge(&map, &mut seen);
+        inputs.judge(&map, &mut seen);
         let toward: Vec<f32> = (0..seen.values().len()).map(|i| ((i * 37) % 11) as f32 - 5.0).collect();
         let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
         let forward = dot(seen.values(), &toward);
         seen.values_mut().copy_from_slice(&toward);
-        let back = dot(map.as_slice(), &lens.judge_adjoint(&seen, 12, 12));
+        let back = dot(map.as_slice(), &inputs.judge_adjoint(&seen, 12, 12));
         assert!((forward - back).abs() < 1e-3 * forward.abs().max(1.0), "{forward} {back}");
     }
 }

@@ -9,7 +9,7 @@ use super::checkpoint;
 use super::config::{DetailConfig, NAME, View};
 use super::detail::Detail;
 use super::network::{Network, Shape, input_delta, input_mut, tape};
-use super::scale::{Lens, Noise, Residual, Scale};
+use super::scale::{FIXED_NOISE, Inputs, Noise, Residual, Scale, noise_field};
 use crate::checked::Settings;
 use crate::control::{Control, Progress, Stage};
 use crate::error::{Error, Result};
@@ -92,19 +92,19 @@ pub fn train(
             0 => pyramid[0].map(|_| 0.0),
             _ => resample(&detail.rebuilt(), sizes[scale].0, sizes[scale].1),
         };
-        let mut room = Room::new(config, &pyramid[..=scale], &twins, &detail, up, seed);
+        let mut trainer = ScaleTrainer::new(config, &pyramid[..=scale], &twins, &detail, up, seed);
         if let Some(before) = &before {
-            room.begin(before);
+            trainer.begin(before);
         }
         let mut done = (0, 0.0);
         if let Some(state) = resumed.take() {
             done = (state.progress.step, state.progress.scale_seconds);
-            room.restore(state)?;
+            trainer.restore(state)?;
         }
         let time = control.budget.map(|b| b.mul_f64(work[scale] as f64 / all_work));
         let length = Length { steps: config.steps, time, done };
         let work_before: u64 = work[..scale].iter().sum();
-        let steps = play(&mut room, length, &control.stop, |room, step, scale_seconds, told| {
+        let steps = play(&mut trainer, length, &control.stop, |trainer, step, scale_seconds, told| {
             let losses = [told.critic, told.penalty, told.reconstruction];
             if let Some(&value) = losses.iter().find(|v| !v.is_finite()) {
                 let epoch = scale * config.steps + step;
@@ -135,15 +135,15 @@ pub fn train(
                     seconds: elapsed(),
                     scale_seconds,
                     scales: detail.scales.iter().map(Scale::info).collect(),
-                    optimizer_steps: [room.generator.steps(), room.critic.steps()],
+                    optimizer_steps: [trainer.generator.steps(), trainer.critic.steps()],
                 };
-                checkpoint::save(&c.path, &progress, &detail.scales, &room.state())?;
+                checkpoint::save(&c.path, &progress, &detail.scales, &trainer.state())?;
                 saved = Instant::now();
             }
             Ok(())
         })?;
-        let trained = room.trained();
-        before = Some([room.generator, room.critic]);
+        let trained = trainer.trained();
+        before = Some([trainer.generator, trainer.critic]);
         detail.scales.push(trained);
         detail.record.steps.push(steps);
     }
@@ -153,31 +153,15 @@ pub fn train(
     Ok(detail)
 }
 
-/// A frame of unit normal values for a scale's generator.
-pub(super) fn noise_field(lens: Lens, rows: usize, cols: usize, stream: &mut Stream) -> Grid<f32> {
-    let (framed_rows, framed_cols) = lens.framed(rows, cols);
-    let inside = |i: usize, side: usize| (super::network::REACH..super::network::REACH + side).contains(&i);
-    Grid::from_fn(framed_rows, framed_cols, |c| {
-        // The published padding is zeros around noise and map alike.
-        if lens.view == View::Heights && !(inside(c.row, rows) && inside(c.col, cols)) {
-            return 0.0;
-        }
-        stream.sample::<f32, _>(StandardNormal)
-    })
-}
-
-/// The name of the stream that draws the reconstruction's noise.
-pub(super) const FIXED_NOISE: &str = "fixed noise";
-
 /// Everything that one scale's training needs.
-struct Room<'a> {
+struct ScaleTrainer<'a> {
     config: &'a DetailConfig,
     /// The exemplar at the scales so far, this one last.
     pyramid: &'a [Grid<f32>],
     /// The coarse twins at all scales.
     twins: &'a [Vec<Grid<f32>>],
     coarser: &'a Detail,
-    lens: Lens,
+    inputs: Inputs,
     residual: Residual,
     noise: f32,
     rec_up: Grid<f32>,
@@ -190,7 +174,7 @@ struct Room<'a> {
     draws: Stream,
 }
 
-impl<'a> Room<'a> {
+impl<'a> ScaleTrainer<'a> {
     fn new(
         config: &'a DetailConfig,
         pyramid: &'a [Grid<f32>],
@@ -204,10 +188,10 @@ impl<'a> Room<'a> {
         let (rows, cols) = real.shape();
         let slope = mean_square_slope(real).sqrt() as f32;
         let gain = if config.view == View::Slopes { slope.recip() } else { 1.0 };
-        let lens = Lens { view: config.view, gain };
+        let inputs = Inputs { view: config.view, gain };
         let width = if scale < 4 { config.width } else { config.fine_width };
         let shape = |inputs| Shape { inputs, width, batch_norm: config.batch_norm };
-        let (generator, critic) = (shape(lens.generator_inputs()), shape(lens.critic_inputs()));
+        let (generator, critic) = (shape(inputs.generator_inputs()), shape(inputs.critic_inputs()));
         let missing = rec_up.as_slice().iter().zip(real.as_slice());
         let square: f64 = missing.map(|(u, z)| f64::from(u - z).powi(2)).sum();
         let error = (square / real.len() as f64).sqrt() as f32;
@@ -224,8 +208,8 @@ impl<'a> Room<'a> {
             slope_of_exemplar: slope,
             slope_of_twins: if coarse > 0.0 { coarse } else { slope },
         };
-        let rec_noise = (scale == 0).then(|| noise_field(lens, rows, cols, &mut seed.stream(FIXED_NOISE)));
-        let map = (rows - 10 - lens.loss(), cols - 10 - lens.loss());
+        let rec_noise = (scale == 0).then(|| noise_field(inputs, rows, cols, &mut seed.stream(FIXED_NOISE)));
+        let map = (rows - 10 - inputs.loss(), cols - 10 - inputs.loss());
         let player = |shape: Shape, last: f32, name: &str| {
             let net = shape.net();
             let values = net.start(config.start, last, seed.derive(name));
@@ -237,7 +221,7 @@ impl<'a> Room<'a> {
             pyramid,
             twins,
             coarser,
-            lens,
+            inputs,
             residual,
             noise,
             rec_up,
@@ -313,7 +297,7 @@ impl<'a> Room<'a> {
         } else {
             self.coarser.refine(&self.pyramid[0].map(|_| 0.0), 0..here, (rows, cols), 1.0, seed)
         };
-        (up, noise_field(self.lens, rows, cols, &mut self.draws))
+        (up, noise_field(self.inputs, rows, cols, &mut self.draws))
     }
 
     /// A turned map at a random coarser scale, through the scales between, enlarged to this one.
@@ -336,7 +320,7 @@ impl<'a> Room<'a> {
     /// The generator's map.
     fn make(&mut self, up: &Grid<f32>, field: Option<&Grid<f32>>) -> Grid<f32> {
         let noise = Noise { field, amplitude: self.noise };
-        self.lens.look(&self.lens.frame(up), &noise, 0, 0, input_mut(&mut self.makes));
+        self.inputs.look(&self.inputs.frame(up), &noise, 0, 0, input_mut(&mut self.makes));
         let Player { values, running, .. } = &mut self.generator;
         self.makes.forward(values, Some(running));
         let mut map = up.clone();
@@ -360,7 +344,7 @@ impl<'a> Room<'a> {
         let share: f32 = self.draws.random();
         let mixed = real.as_slice().iter().zip(fake.as_slice()).map(|(r, f)| share * r + (1.0 - share) * f);
         let mixed = Grid::from_vec(real.rows(), real.cols(), mixed.collect()).expect("the real map's shape");
-        self.lens.judge(&mixed, input_mut(&mut self.judges));
+        self.inputs.judge(&mixed, input_mut(&mut self.judges));
         let (weight, over) = (self.config.penalty, NormOver::Pixel);
         let input = self.critic.net.inputs().next().expect("an input");
         let values = &self.critic.values;
@@ -371,7 +355,7 @@ impl<'a> Room<'a> {
 
     /// The critic's loss of a map, its gradient ready for the way back.
     fn judge(&mut self, map: &Grid<f32>, turn: Turn) -> f64 {
-        self.lens.judge(map, input_mut(&mut self.judges));
+        self.inputs.judge(map, input_mut(&mut self.judges));
         self.judges.forward(&self.critic.values, None);
         let scores = self.judges.output(0).clone();
         Loss::Wasserstein.of(turn, &scores, 1.0, self.judges.output_delta(0))
@@ -383,7 +367,7 @@ impl<'a> Room<'a> {
         let mut gradient = vec![0.0; self.generator.values.len()];
         self.judge(fake, Turn::Generator);
         self.judges.backward(&self.critic.values, None, true);
-        let d_map = self.lens.judge_adjoint(input_delta(&self.judges), rows, cols);
+        let d_map = self.inputs.judge_adjoint(input_delta(&self.judges), rows, cols);
         self.teach(&d_map, &mut gradient);
 
         let here = self.pyramid.len() - 1;
@@ -393,13 +377,13 @@ impl<'a> Room<'a> {
             let twins = self.twins;
             let up = self.injected(&twins[twin], turn, 0.0, Seed(0));
             let rebuilt = self.make(&up, None);
-            reconstruction(&rebuilt, &turned(&self.pyramid[here], turn), self.lens.gain, self.config)
+            reconstruction(&rebuilt, &turned(&self.pyramid[here], turn), self.inputs.gain, self.config)
         } else {
             let up = std::mem::replace(&mut self.rec_up, Grid::filled(1, 1, 0.0));
             let field = self.rec_noise.take();
             let rebuilt = self.make(&up, field.as_ref());
             (self.rec_up, self.rec_noise) = (up, field);
-            reconstruction(&rebuilt, &self.pyramid[here], self.lens.gain, self.config)
+            reconstruction(&rebuilt, &self.pyramid[here], self.inputs.gain, self.config)
         };
         self.teach(&d_map, &mut gradient);
         self.generator.descend(&gradient, rate);
@@ -421,11 +405,11 @@ impl<'a> Room<'a> {
     fn trained(&self) -> Scale {
         let (net, values) = self.generator.net.folded(&self.generator.values, &self.generator.running);
         let net = Network { net, values };
-        Scale { net, lens: self.lens, residual: self.residual, noise: self.noise }
+        Scale { net, inputs: self.inputs, residual: self.residual, noise: self.noise }
     }
 }
 
-impl Game for Room<'_> {
+impl Game for ScaleTrainer<'_> {
     type Report = Step;
 
     fn step(&mut self, step: usize, share: f32) -> Step {

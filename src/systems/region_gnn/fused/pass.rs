@@ -5,7 +5,6 @@
 
 use super::super::config::{Pooling, RegionGnnConfig};
 use super::super::edges::PassEdges;
-use super::super::network::reached_regions;
 use super::block::{Enc, Receivers};
 use super::layout::{Layout, MessageRanges};
 use super::pixel_states::{INDICATORS, PixelStates, classes};
@@ -272,7 +271,7 @@ impl Pass {
                 add(&mut d[offset.clone()], &d_offset);
             }
             add_outer(&round.region_means, &d_sums, h, &mut d[to_regions.out.clone()]);
-            let reached = reached_regions(given.edges);
+            let reached = given.edges.reached_regions();
             for (row, reached) in d_sums.chunks_exact(h).zip(&reached) {
                 add_scaled(&mut d[to_regions.out_bias.clone()], row, *reached);
             }
@@ -484,7 +483,7 @@ impl Pass {
         let mut sums = e.to_vec();
         add_product(means, &given.params[layer.out.clone()], h, &mut sums);
         let bias = &given.params[layer.out_bias.clone()];
-        for (row, reached) in sums.chunks_exact_mut(h).zip(reached_regions(given.edges)) {
+        for (row, reached) in sums.chunks_exact_mut(h).zip(given.edges.reached_regions()) {
             add_scaled(row, bias, reached);
         }
         sums
