@@ -6,7 +6,7 @@
 //! ([`systems::task`]).
 //!
 //! The rooms stand in the order in which data flows. **A room imports only rooms listed above it**
-//! (`tests/architecture.rs` enforces it), so reading them once, top to bottom, is reading the whole path.
+//! (`tests/architecture` enforces it), so reading them once, top to bottom, is reading the whole path.
 //!
 //! Rooms that the documentation leaves out are open for the project's own benchmarks alone and change without notice.
 //!

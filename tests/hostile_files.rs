@@ -219,7 +219,7 @@ fn cell_sizes_that_are_none() {
 }
 
 #[test]
-fn a_recorded_cell_size_counts_only_for_its_own_transform() {
+fn a_recorded_cell_size_is_for_its_own_transform() {
     for (steps, side) in [("30 30", 21.5), ("60 60", 30.0)] {
         let item = format!(r#"<Item name="MONADNOCK_CELL_SIZE">21.5 21.5 {steps}</Item>"#);
         let file = sound().text(42112, &item).bytes();

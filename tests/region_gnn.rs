@@ -113,7 +113,7 @@ fn what_was_learned_on_one_patch_helps_on_others() {
 }
 
 #[test]
-fn anchored_terrain_moves_and_stretches_with_its_sketch() {
+fn anchored_terrain_moves_with_its_sketch() {
     let style = style(Preset::Anchored, 20);
     let (_, _, lines) = patch(320, 320);
     let generation = &style.config().generation;
@@ -185,7 +185,7 @@ fn a_damaged_style_is_refused_by_name() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+fn same_seed_same_bytes_on_any_number_of_threads() {
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
@@ -258,7 +258,7 @@ fn every_system_keeps_its_contract() {
 
 /// SSIM .978 to .979 over four seeds.
 #[test]
-fn voids_are_learned_around_and_small_or_level_exemplars_refused() {
+fn small_or_level_exemplars_are_refused() {
     let whole = source(160, 200);
     let mut valid = whole.dem.valid().clone();
     for row in 20..30 {
@@ -298,7 +298,7 @@ fn kept(path: &std::path::Path, epochs: usize, resume: bool, seed: Seed) -> mona
 }
 
 #[test]
-fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
+fn a_resumed_training_ends_with_the_same_weights() {
     let folder = tempfile::tempdir().unwrap();
     let weights = |style: &Style| style.network().unwrap().model().network().params().snapshot().unwrap();
     let (whole, part) = (folder.path().join("whole"), folder.path().join("part"));
@@ -332,7 +332,7 @@ fn a_resumed_training_ends_with_the_weights_of_one_that_was_never_stopped() {
 }
 
 #[test]
-fn a_budget_ends_the_training_in_time_with_the_schedule_run_down() {
+fn a_budget_ends_the_training_in_time() {
     let mut config = brief(Preset::Anchored, 1_000_000);
     config.model.extractions = 1;
     let (mut before, mut longest) = (0.0, 0.0f64);

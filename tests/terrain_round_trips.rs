@@ -124,7 +124,7 @@ fn geotiff_without_a_place_is_placed_at_the_origin() {
 }
 
 #[test]
-fn int16_rounds_to_metres_and_refuses_what_does_not_fit() {
+fn int16_rounds_to_metres_or_refuses() {
     let dem = hills(300, 500, 11);
     let options = WriteOptions { sample_type: SampleType::Int16, ..Default::default() };
     let back = there_and_back(&dem, "a.tif", &options);

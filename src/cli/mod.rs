@@ -229,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_line_is_consistent_and_every_verb_has_examples() {
+    fn every_verb_has_examples() {
         let command = CommandLine::command();
         command.clone().debug_assert();
         for verb in command.get_subcommands() {

@@ -3,7 +3,7 @@
 
 use crate::dem::{Georeference, Normalization};
 use crate::error::{Error, Result};
-use crate::grid::{Cell, Window};
+use crate::grid::Window;
 use crate::sketch::geojson::{self, Coordinates, HeightUnit, Outline, ReadOptions, SketchReading};
 use crate::sketch::{Sketch, samples};
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::{CellSize, Georeference};
 use crate::error::{Error, Result};
-use crate::grid::{Cell, Grid, Mask, Window};
+use crate::grid::{Grid, Mask, Window};
 
 /// A digital elevation model: heights in metres on a raster, with voids.
 ///

@@ -11,7 +11,7 @@ use super::network::{Network, Traced};
 use super::relief::Relief;
 use crate::control::Stop;
 use crate::error::Result;
-use crate::grid::{Cell, Components, Grid, Mask, Window, thinning};
+use crate::grid::{Cell, Components, Grid, Mask, thinning};
 use crate::sketch::{LineMap, StrokeKind};
 
 /// With up to this many lines of a kind none is dropped for its gradient: the lowest 1 % of them means nothing.

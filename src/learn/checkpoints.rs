@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_comes_back_and_what_does_not_belong_to_it_is_refused() {
+    fn a_state_comes_back_and_others_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("kept");
         let steps = Steps { identity: "this".to_owned(), done: 7 };

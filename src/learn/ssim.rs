@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn gradient_equals_finite_differences_with_and_without_voids() {
+    fn gradient_equals_finite_differences_beside_voids() {
         let y = bumpy(0.1);
         for valid in voids() {
             let loss = SsimLoss::new(ROWS, COLS, &bumpy(0.8), &valid);

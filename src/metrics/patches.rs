@@ -7,7 +7,7 @@
 use super::{check_one, check_pair};
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
-use crate::grid::{Grid, Mask, Window};
+use crate::grid::{Grid, Mask};
 use crate::seed::Seed;
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -201,7 +201,7 @@ pub fn diversity(variants: &[Grid<f32>]) -> Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Cell;
+    use crate::grid::{Cell, Window};
 
     fn hills(side: usize, rough: f32) -> Grid<f32> {
         Grid::from_fn(side, side, |c| {

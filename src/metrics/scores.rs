@@ -6,7 +6,7 @@ use super::{
     spectrum_distance, ssim, stroke_height_error,
 };
 use crate::error::{Error, Result};
-use crate::grid::{Grid, Mask, Window};
+use crate::grid::{Grid, Mask};
 use crate::sketch::{LineMap, StrokeKind};
 
 /// Width of the border strip that is scored apart from the interior, in cells: lines are often missing there.
@@ -241,7 +241,7 @@ mod unbounded_option {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Cell;
+    use crate::grid::{Cell, Window};
 
     fn truth() -> Grid<f32> {
         Grid::from_fn(32, 40, |c| 0.5 + 0.25 * ((c.row as f32 * 0.5).sin() + (c.col as f32 * 0.3).cos()))

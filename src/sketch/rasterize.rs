@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shallow_line_takes_bresenhams_cells_with_linear_heights() {
+    fn a_shallow_line_takes_bresenhams_cells() {
         let drawn = cells(&[(0.0, 0.0, 0.0), (5.0, 2.0, 29.0)], 9, 9);
         let plain: Vec<_> = drawn.iter().map(|&(r, c, _)| (r, c)).collect();
         assert_eq!(plain, [(0, 0), (0, 1), (1, 2), (1, 3), (2, 4), (2, 5)]);

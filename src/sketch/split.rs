@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_starts_at_its_end_point_and_keeps_its_order_and_heights() {
+    fn a_line_starts_at_an_end_and_keeps_its_heights() {
         let lines = map(&["....rrr", "...r...", "rrr....", "......."]);
         let parts = split_parts(&lines, PartLengths::default(), Seed(3));
         assert_eq!(parts.len(), 1, "seven cells cannot be two parts");
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_branch_cuts_the_walk_and_short_branches_go_unless_kept() {
+    fn branches_cut_the_walk_and_short_ones_go() {
         let lines = map(&["rrrrrrrrr", "....r....", "....r....", "........."]);
         let dropped: usize =
             split_parts(&lines, PartLengths::default(), Seed(1)).iter().map(|p| p.cells.len()).sum();
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn every_length_occurs_and_no_cell_of_a_long_run_is_lost() {
+    fn no_cell_of_a_long_run_is_lost() {
         let mut stream = Seed(1).stream("test");
         let mut seen = [0; 11];
         for len in 5..200 {

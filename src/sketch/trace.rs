@@ -35,7 +35,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_junction_belongs_to_every_stroke_that_meets_there() {
+    fn a_junction_belongs_to_every_stroke_there() {
         let mut lines = LineMap::empty(5, 5);
         for (row, col) in [(0, 0), (1, 1), (2, 2), (1, 3), (0, 4), (3, 2), (4, 2)] {
             lines.set(Cell::new(row, col), StrokeKind::Valley, 1.0);

@@ -193,14 +193,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_short_budget_is_halved_and_a_long_one_goes_to_the_detail() {
+    fn long_budgets_go_to_the_detail() {
         let share = |seconds: u64| coarse_share(Duration::from_secs(seconds)).as_secs_f64();
         assert_eq!([20, 60, 100].map(share), [10.0, 30.0, 30.0]);
         assert!((share(300) - 90.0).abs() < 1e-9);
     }
 
     #[test]
-    fn a_budget_is_shared_without_a_rest_for_steps_that_are_not_taken() {
+    fn a_budget_is_shared_among_the_steps_taken() {
         let minute = Duration::from_secs(60);
         let of = |detail, measured| shares(minute, detail, measured).map(|part| part.as_secs_f64());
         assert_eq!(of(None, true), [60.0, 0.0, 0.0]);

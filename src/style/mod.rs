@@ -37,7 +37,7 @@ use crate::control::Stop;
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::grid::{Grid, Window};
+use crate::grid::Grid;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::systems::task::DetailUse;

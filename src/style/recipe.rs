@@ -6,7 +6,7 @@ use super::{Registry, Style};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::grid::{Cell, Window};
+use crate::grid::Window;
 use crate::seed::Seed;
 use crate::systems::gpnn::{self, PatchDetail};
 use crate::systems::landscape::LandscapeSystem;

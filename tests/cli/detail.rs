@@ -104,7 +104,7 @@ fn detail_is_trained_added_and_left_out() {
 }
 
 #[test]
-fn a_style_without_detail_still_makes_terrain_and_says_what_it_lacks() {
+fn a_style_without_detail_says_what_it_lacks() {
     let folder = temporary();
     let at = folder.path();
     done(at, &[&BRIEF[..], &["--no-detail"]].concat());
@@ -175,7 +175,7 @@ fn terrain_is_amplified_and_drawn_from_noise() {
 }
 
 #[test]
-fn an_interrupted_detail_training_is_resumed_and_a_budget_is_kept() {
+fn an_interrupted_detail_training_is_resumed() {
     let folder = temporary();
     let at = folder.path();
     done(at, &[&BRIEF[..], &["-q"]].concat());
@@ -278,7 +278,7 @@ fn patches_are_detail_that_needs_no_training() {
 }
 
 #[test]
-fn strength_is_measured_on_terrain_that_the_coarse_model_has_not_seen() {
+fn strength_is_measured_on_unseen_terrain() {
     use monadnock::control::{Control, Progress};
     use monadnock::dem::Dem;
     use monadnock::grid::{Cell, Window};

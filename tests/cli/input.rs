@@ -175,7 +175,7 @@ fn write_ground(path: &Path, dx: f64, dy: f64) {
 }
 
 #[test]
-fn terrain_on_cells_that_are_not_square_is_resampled_and_said_so() {
+fn oblong_cells_are_resampled_and_said_so() {
     let folder = temporary();
     let at = folder.path();
     write_ground(&at.join("wide.asc"), 50.0, 25.0);

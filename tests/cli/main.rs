@@ -93,7 +93,7 @@ fn pixels(path: &Path) -> Vec<u8> {
 }
 
 #[test]
-fn every_verb_has_help_with_examples_and_the_program_documents_its_exit_codes() {
+fn every_verb_has_help_and_exit_codes_are_listed() {
     let folder = temporary();
     let help = done(folder.path(), &["--help"]).out;
     for word in
@@ -151,7 +151,7 @@ fn verbs_of(help: &str) -> Vec<String> {
 
 /// Only lines that can be run as they stand in a folder without any files.
 #[test]
-fn the_examples_with_bundled_terrain_run_as_they_are_written() {
+fn examples_of_the_help_run_as_written() {
     let folder = temporary();
     let mut count = 0;
     let help = done(folder.path(), &["--help"]).out;
@@ -250,7 +250,7 @@ fn under_heading(help: &str, heading: &str) -> String {
 }
 
 #[test]
-fn options_stand_under_the_heading_that_they_belong_to() {
+fn options_stand_under_their_heading() {
     let folder = temporary();
     for verb in ["extract", "train", "eval", "render", "info"] {
         let help = done(folder.path(), &[verb, "--help"]).out;

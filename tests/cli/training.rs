@@ -4,7 +4,7 @@ use super::{done, fails, run, temporary};
 use serde_json::Value;
 
 #[test]
-fn a_configuration_file_works_with_and_without_a_section_and_options_overrule_it() {
+fn options_overrule_a_configuration_file() {
     let folder = temporary();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("plain.toml", "min_order = 3\nmin_accumulation = 30\n");
@@ -86,7 +86,7 @@ fn a_style_is_trained_used_and_scored() {
 }
 
 #[test]
-fn info_of_a_style_is_a_summary_and_its_json_is_everything() {
+fn info_of_a_style_and_its_json() {
     let folder = temporary();
     let at = folder.path();
     done(
@@ -118,7 +118,7 @@ fn info_of_a_style_is_a_summary_and_its_json_is_everything() {
 }
 
 #[test]
-fn a_training_that_diverges_fails_and_keeps_its_last_good_state() {
+fn a_diverged_training_keeps_its_last_good_state() {
     let folder = temporary();
     let at = folder.path();
     let common = ["train", "sierra", "-o", "s.safetensors", "--crop", "192,192,64", "--preset", "paper"];

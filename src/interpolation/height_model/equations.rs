@@ -89,7 +89,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_chain_between_fixed_ends_is_a_line_and_weights_count() {
+    fn a_chain_between_fixed_ends_is_a_line() {
         let mut equations = Equations::default();
         let n = 300;
         for i in 1..n {

@@ -255,7 +255,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 /// What tiled generators rely on: the sums of a window are those of the whole where it begins in an even row and column.
 #[test]
-fn a_window_with_an_even_start_has_the_bytes_of_the_whole() {
+fn an_even_window_has_the_bytes_of_the_whole() {
     let mut params = ParamStore::new(Seed(10));
     let image = flat(&params.normal("image", (40, 70, 32), 1.0).unwrap());
     let weights = flat(&params.normal("weights", (9, 32, 64), 1.0).unwrap());

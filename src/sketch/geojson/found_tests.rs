@@ -352,7 +352,7 @@ fn a_system_is_checked_against_the_map() {
 }
 
 #[test]
-fn an_outline_tells_where_a_file_lies_whatever_the_map() {
+fn an_outline_tells_where_a_file_lies() {
     let folder = tempfile::tempdir().unwrap();
     let of = |text: String| {
         let path = folder.path().join("s.geojson");

@@ -139,7 +139,7 @@ fn heights_that_are_no_numbers_are_refused() {
 }
 
 #[test]
-fn strokes_off_the_map_are_left_out_or_cut_with_a_warning() {
+fn strokes_off_the_map_are_cut_with_a_warning() {
     let mut text = line("[[1,1,1],[90,1,1]]");
     let extra = r#"{"type":"Feature","properties":{"kind":"valley"},
         "geometry":{"type":"LineString","coordinates":[[-9,-9,1],[1e300,-1e300,2]]}}]}"#;
@@ -172,7 +172,7 @@ fn huge_coordinates_and_sizes_allocate_nothing() {
 }
 
 #[test]
-fn the_size_comes_from_the_caller_the_file_or_the_strokes() {
+fn size_comes_from_caller_file_or_strokes() {
     let text = line("[[0,0,1],[9.4,20.6,1]]");
     let options = ReadOptions { size: Some((64, 48)), ..ReadOptions::default() };
     let given = parse(&text, &options).unwrap();
@@ -185,7 +185,7 @@ fn the_size_comes_from_the_caller_the_file_or_the_strokes() {
 }
 
 #[test]
-fn the_unit_comes_from_the_caller_the_file_or_the_heights() {
+fn unit_comes_from_caller_file_or_heights() {
     let low = line("[[0,0,0.5],[1,5,1]]");
     assert_eq!(read_text(&low).unit, HeightUnit::Metres, "as the file says");
     let unsaid = low.replace(",\"unit\":\"metres\"", "");
@@ -214,7 +214,7 @@ fn contradictions_are_noted() {
 }
 
 #[test]
-fn features_without_points_are_left_out_with_one_warning() {
+fn features_without_points_give_one_warning() {
     let mut text = line("[[1,1,1],[3,1,1]]");
     text.truncate(text.rfind(']').unwrap());
     let empties = [
@@ -230,7 +230,7 @@ fn features_without_points_are_left_out_with_one_warning() {
 }
 
 #[test]
-fn crossing_strokes_keep_both_and_the_later_one_wins_the_cell() {
+fn of_crossing_strokes_the_later_wins_the_cell() {
     let mut text = line("[[0,5,1],[10,5,1]]");
     text.truncate(text.rfind(']').unwrap());
     let valley = r#"{"type":"Feature","properties":{"kind":"valley"},
@@ -265,7 +265,7 @@ fn two_strokes() -> Sketch {
 }
 
 #[test]
-fn a_georeferenced_file_is_in_model_coordinates_and_comes_back() {
+fn georeferenced_sketches_round_trip() {
     let sketch = two_strokes();
     let text = to_text(&sketch, HeightUnit::Metres, Some(&UTM)).unwrap();
     mentions(&text, &["urn:ogc:def:crs:EPSG::32611", "500015.0,4099985.0,1500.25"]);
@@ -289,7 +289,7 @@ fn a_georeferenced_file_is_in_model_coordinates_and_comes_back() {
 }
 
 #[test]
-fn a_file_from_a_gis_is_placed_by_the_dem_it_belongs_to() {
+fn a_sketch_from_a_gis_is_placed_by_its_dem() {
     let text = r#"{"type":"FeatureCollection","name":"lines",
         "crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::32611"}},
         "features":[{"type":"Feature","properties":{"kind":"Ridge"},"geometry":

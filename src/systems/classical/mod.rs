@@ -45,7 +45,7 @@ mod tests {
 
     /// Sketches that leave an interpolator without a triangle, without a second point, or without anything free.
     #[test]
-    fn every_system_answers_every_sketch_but_the_empty_one() {
+    fn every_sketch_but_the_empty_one_is_answered() {
         let straight: Vec<(usize, usize, f32)> = (0..600).map(|row| (row, 2, row as f32)).collect();
         let all_cells: Vec<(usize, usize, f32)> =
             (0..35).map(|i| (i / 5, i % 5, (i * i % 13) as f32)).collect();

@@ -64,7 +64,7 @@ fn the_solver_agrees_with_a_direct_one() {
 }
 
 #[test]
-fn classical_systems_agree_with_scipy_wherever_the_answer_is_unique() {
+fn classical_systems_agree_with_scipy() {
     for patch in patches() {
         for (name, system) in classical::all() {
             if patch.oracle[name].is_null() {

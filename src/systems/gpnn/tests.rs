@@ -219,7 +219,7 @@ fn lines_are_exact_and_a_mask_keeps_what_it_hides() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+fn same_seed_same_bytes_on_any_number_of_threads() {
     let map = ground(33);
     for lines in [None, Some(lines(&map))] {
         let coarse = lines.as_ref().map_or_else(|| map.clone(), surface);

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_keep_their_heights_and_a_model_counts_by_its_share() {
+    fn lines_keep_heights_and_models_their_share() {
         let lines = columns(5);
         let blend =
             Blend::new(BlendUse::Always, &lines, lines.heights().as_slice(), &Stop::new()).unwrap().unwrap();
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn thin_sketches_are_left_alone_when_only_dense_ones_count() {
+    fn thin_sketches_are_left_alone_by_dense_blends() {
         let given = |apart: usize, wanted| {
             let lines = columns(apart);
             Blend::new(wanted, &lines, lines.heights().as_slice(), &Stop::new()).unwrap().is_some()

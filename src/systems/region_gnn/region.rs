@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_turns_with_the_part_and_tells_the_sides_apart() {
+    fn the_frame_turns_with_the_part() {
         let east = Region::new(&part(&[(5, 3), (5, 4), (5, 5)], &[0.0, 0.1, 0.2]));
         let south = Region::new(&part(&[(3, 5), (4, 5), (5, 5)], &[0.0, 0.1, 0.2]));
         // Two cells to the right of the direction of travel, one ahead of the centre.

@@ -21,7 +21,6 @@ use crate::seed::Seed;
 use crate::sketch::{LineMap, SketchPart, split_parts};
 use candle_core::{Device, Tensor};
 use rand::RngExt;
-use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::time::Instant;
@@ -470,7 +469,7 @@ mod tests {
     }
 
     #[test]
-    fn absurd_numbers_in_voids_change_no_loss_and_no_gradient() {
+    fn numbers_in_voids_change_no_loss_or_gradient() {
         let config = RegionGnnConfig::paper();
         let (losses, gradient, by_far) = losses_of(&exemplar(48, 0.0), &config, 0.5);
         let all =

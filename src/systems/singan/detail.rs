@@ -3,22 +3,17 @@
 use super::config::{DetailConfig, View, shrunk};
 use super::network::REACH;
 use super::scale::{FIXED_NOISE, Scale, ScaleInfo, noise_field};
-use crate::arrays::Arrays;
-use crate::checked::{Checked, Settings};
-use crate::control::{Control, Stop};
-use crate::dem::Dem;
+use crate::checked::Settings;
+use crate::control::Stop;
 use crate::error::{Error, Result};
 use crate::grid::resample::resample;
 use crate::grid::{Cell, Grid, Window};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::task::{
-    Account, DetailModel, DetailUse, Exemplar, Part, Residual, SampleUse, gain_of, gap,
-};
+use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, gain_of, gap};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use std::sync::Arc;
 
 /// Maps with a side shorter than this stay as they are.
 const SMALLEST_MAP: usize = 4;

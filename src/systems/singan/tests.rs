@@ -42,7 +42,7 @@ fn model() -> &'static Detail {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+fn same_seed_same_bytes_on_any_number_of_threads() {
     for base in [quick(), DetailConfig { coarsest: 16, steps: 2, fine_width: 32, ..DetailConfig::paper() }] {
         let run = |threads: usize, seed: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

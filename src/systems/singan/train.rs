@@ -20,7 +20,6 @@ use crate::learn::layers::Tape;
 use crate::metrics::{mean_square_slope, psnr};
 use crate::seed::{Seed, Stream};
 use rand::RngExt;
-use rand_distr::StandardNormal;
 use std::time::Instant;
 
 /// What a step of a scale was.

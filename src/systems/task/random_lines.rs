@@ -58,7 +58,7 @@ mod tests {
     use crate::sketch::samples;
 
     #[test]
-    fn lines_are_as_steep_as_asked_and_from_the_range_without_a_slope() {
+    fn random_lines_are_as_steep_as_asked() {
         let sketch = samples::load("lambda-ring").unwrap().sketch;
         let ground = |slope| Ground { range: (0.0, 1.0), slope };
         let make = |heights, slope| with_random_lines(&sketch, 40, heights, ground(slope), Seed(1)).unwrap();

@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_layout_lies_in_the_middle_and_keeps_the_variance() {
+    fn the_layout_is_centred_and_keeps_the_variance() {
         let layout = Grid::from_fn(4, 6, |c| (10 * c.row + c.col) as f32);
         let mixed = |rows, cols, variety| {
             let mut map = Grid::filled(rows, cols, -1.0);
