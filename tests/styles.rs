@@ -54,7 +54,7 @@ fn styles_of_version_1_give_their_terrain() {
         };
         near(made.as_slice(), &format!("{name}.npy"));
         if let Some(unit) = sampled {
-            let metres = unit.map(|z| range.to_metres(f64::from(*z)) as f32);
+            let metres = range.denormalize(&unit);
             near(metres.as_slice(), &format!("sample-{name}.npy"));
         }
         // Written again, it is the same style in today's format.

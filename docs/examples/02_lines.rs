@@ -19,7 +19,7 @@ fn main() -> Result<()> {
     }
 
     // Lines of cells become strokes with vertices, in metres and at their place on the earth.
-    let sketch = Sketch::trace(&lines.map_heights(|z| range.to_metres(f64::from(z)) as f32));
+    let sketch = Sketch::trace(&lines.to_metres(range));
     geojson::write(Path::new("lines.geojson"), &sketch, HeightUnit::Metres, patch.georeference())?;
     println!("lines.geojson: {} strokes", sketch.strokes.len());
     Ok(())

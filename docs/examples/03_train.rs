@@ -28,7 +28,7 @@ fn main() -> Result<()> {
     let unseen = dem.crop(Window::square(Cell::new(256, 128), 128))?;
     let range = style.origin.normalization;
     let lines = ridges_and_valleys(&range.normalize(&unseen), unseen.valid(), &ExtractionConfig::default())?;
-    let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
+    let lines = lines.to_metres(range);
     let of = |style: &Style| style.generate(&lines, &Method::Auto, None, Seed(1), &Stop::new());
     let loaded = Style::load(Path::new("sierra.safetensors"))?;
     assert_eq!(of(&style)?.as_slice(), of(&loaded)?.as_slice());

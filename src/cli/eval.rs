@@ -205,7 +205,7 @@ fn likenesses(
             let output = patch.outputs[i].1.as_ref()?;
             let (truth, valid) = (&patch.truth, &patch.valid);
             let copied = audited.and_then(|exemplar| {
-                let metres = output.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
+                let metres = patch.normalization.denormalize(&output);
                 copy_audit(&metres, exemplar.heights()).ok().map(|audit| audit.copied_share)
             });
             Some([
@@ -287,12 +287,12 @@ fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
     let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));
     fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
     let metres = |unit: &Grid<f32>, valid: Mask| -> Result<Dem> {
-        let heights = unit.map(|&z| patch.normalization.to_metres(f64::from(z)) as f32);
+        let heights = patch.normalization.denormalize(&unit);
         Ok(Dem::with_voids(heights, valid, dem.cell_size())?.at(place))
     };
     let options = WriteOptions::default();
     io::write(&metres(&patch.truth, patch.valid.clone())?, &folder.join("truth.tif"), &options)?;
-    let lines = patch.lines.map_heights(|z| patch.normalization.to_metres(f64::from(z)) as f32);
+    let lines = patch.lines.to_metres(patch.normalization);
     geojson::write(
         &folder.join("sketch.geojson"),
         &Sketch::trace(&lines),

@@ -44,7 +44,7 @@ pub(super) fn run(args: &SampleArgs, context: &Context) -> Result<()> {
     let what = SampleUse { rows: args.size.0, cols: args.size.1, variety: args.variety };
     let unit = detail.sample(&what, context.seed, &context.stop())?;
     let [x, y] = style.origin.exemplar.cell_size;
-    let dem = Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), CellSize::new(x, y)?)?;
+    let dem = Dem::new(range.denormalize(&unit), CellSize::new(x, y)?)?;
     io::write(&dem, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (dem.shape(), dem.range());
     context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));

@@ -70,4 +70,10 @@ impl Normalization {
         }
         unit
     }
+
+    /// Unit heights in metres: the inverse of [`normalize`](Self::normalize).
+    #[must_use]
+    pub fn denormalize(self, unit: &Grid<f32>) -> Grid<f32> {
+        unit.map(|&z| self.to_metres(f64::from(z)) as f32)
+    }
 }

@@ -80,7 +80,7 @@ impl Painter {
     }
 
     pub(super) fn draw(&self, unit: &Grid<f32>, valid: &Mask) -> Result<Picture> {
-        let heights = unit.map(|&z| self.range.to_metres(f64::from(z)) as f32);
+        let heights = self.range.denormalize(&unit);
         self.relief.draw(&Dem::with_voids(heights, valid.clone(), self.cell_size)?)
     }
 

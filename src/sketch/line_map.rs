@@ -1,6 +1,7 @@
 //! A sketch on the raster.
 
 use super::StrokeKind;
+use crate::dem::Normalization;
 use crate::grid::{Cell, Grid, Mask};
 
 /// The cells that ridges and valleys pass, one cell wide, with their heights. A cell is ridge or valley, never both.
@@ -76,5 +77,17 @@ impl LineMap {
             }
         }
         mapped
+    }
+
+    /// The same lines with unit heights in metres.
+    #[must_use]
+    pub fn to_metres(&self, range: Normalization) -> Self {
+        self.map_heights(|z| range.to_metres(f64::from(z)) as f32)
+    }
+
+    /// The same lines with heights in metres brought to the unit interval.
+    #[must_use]
+    pub fn to_unit(&self, range: Normalization) -> Self {
+        self.map_heights(|z| range.to_unit(f64::from(z)) as f32)
     }
 }

@@ -32,7 +32,7 @@ pub fn add_detail(
     let unit = terrain.map(|&z| to_unit(z));
     let unit_lines = lines.map(|lines| lines.map_heights(to_unit));
     let detailed = detail.add(&unit, unit_lines.as_ref(), mask, how, seed.derive("detail"), stop)?;
-    let mut metres = detailed.map(|&z| range.to_metres(f64::from(z)) as f32);
+    let mut metres = range.denormalize(&detailed);
     // What stays, stays to the bit: there and back again rounds.
     for (i, z) in metres.as_mut_slice().iter_mut().enumerate() {
         if mask.is_some_and(|mask| !mask.as_slice()[i]) {

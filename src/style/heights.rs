@@ -22,7 +22,7 @@ impl Style {
                 let (info, arrays) = patches.parts();
                 let unit = arrays.into_iter().find(|(name, _)| name == "truth").map(|(_, unit)| unit);
                 let unit = Grid::from_vec(info.rows, info.cols, unit.unwrap_or_default())?;
-                let heights = unit.map(|&z| own.to_metres(f64::from(z)) as f32);
+                let heights = own.denormalize(&unit);
                 // Only cells count.
                 HeightModel::fit(&Dem::new(heights, CellSize::square(1.0)?)?)?
             }

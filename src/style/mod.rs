@@ -205,9 +205,9 @@ impl Style {
         stop: &Stop,
     ) -> Result<Grid<f32>> {
         let range = range.unwrap_or(self.origin.normalization);
-        let unit = lines.map_heights(|z| range.to_unit(f64::from(z)) as f32);
+        let unit = lines.to_unit(range);
         let system = self.system_for(lines, method)?;
-        let mut terrain = system.draw(&unit, seed, stop)?.map(|&z| range.to_metres(f64::from(z)) as f32);
+        let mut terrain = range.denormalize(&system.draw(&unit, seed, stop)?);
         // What passes through the lines in the unit interval does so in metres, to the bit.
         let drawn =
             lines.kinds().as_slice().iter().zip(lines.heights().as_slice()).zip(unit.heights().as_slice());

@@ -57,7 +57,7 @@ pub fn unseen_surface(
             range.to_unit(f64::from(metres)) as f32
         });
         let unit = system.draw(&there_and_back, seed, &stop)?;
-        let metres = unit.map(|&z| range.to_metres(f64::from(z)) as f32);
+        let metres = range.denormalize(&unit);
         Ok(Some(metres.map(|z| range.to_unit(f64::from(*z)) as f32)))
     };
     let Some(by_west) = answer(0, 0, middle)? else { return Ok(None) };

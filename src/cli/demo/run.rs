@@ -121,9 +121,8 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let range = style.origin.normalization;
     let unit = range.normalize(&source.dem);
     let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.origin.extraction)?;
-    let metres = |unit: &Grid<f32>| -> Result<Dem> {
-        Dem::new(unit.map(|&z| range.to_metres(f64::from(z)) as f32), source.dem.cell_size())
-    };
+    let metres =
+        |unit: &Grid<f32>| -> Result<Dem> { Dem::new(range.denormalize(&unit), source.dem.cell_size()) };
     let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop())?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
     let detail = style.needed_detail()?;
@@ -142,7 +141,7 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let richer = with_random_lines(&drawing, RANDOM_NODES, RandomHeights::default(), ground, context.seed)?;
     let drawn = Dem::new(made(&drawing, &Method::Auto)?, source.dem.cell_size())?;
     let (by_network, enhanced) = (detailed(&drawing)?, detailed(&richer)?);
-    let lines = lines.map_heights(|z| range.to_metres(f64::from(z)) as f32);
+    let lines = lines.to_metres(range);
     Ok(DemoStyle {
         name,
         title,

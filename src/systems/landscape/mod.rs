@@ -58,7 +58,7 @@ pub struct LandscapeSystem(pub LandscapeInfo);
 impl SketchToTerrain for LandscapeSystem {
     fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         let LandscapeInfo { fit, config, unit, cell_size, .. } = &self.0;
-        let metres = lines.map_heights(|z| unit.to_metres(f64::from(z)) as f32);
+        let metres = lines.to_metres(*unit);
         let landscape = solve_until(fit, &metres, *cell_size, &config.solver, seed, stop)?;
         let mut terrain = pin(&landscape.heights(1)?, &metres)?;
         if config.drain.unwrap_or_else(|| fit.is_fluvial()) {

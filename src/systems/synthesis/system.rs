@@ -69,7 +69,7 @@ impl SynthesisSystem {
     /// # Errors
     /// As there.
     pub fn synthesize(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Synthesized> {
-        let metres = lines.map_heights(|z| self.info.unit.to_metres(f64::from(z)) as f32);
+        let metres = lines.to_metres(self.info.unit);
         self.prepared()?.synthesize(&metres, seed, stop)
     }
 }
