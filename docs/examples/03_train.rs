@@ -18,7 +18,8 @@ fn main() -> Result<()> {
     let recipe = Recipe::network(&config, Seed(1))?;
     let mut tell = |now: &Progress<'_>| {
         if now.step.is_multiple_of(5) {
-            println!("{:3.0} %, {:.1} s, loss {:.4}", 100.0 * now.share, now.seconds, now.figures[0].1);
+            let ssim = now.figure("SSIM").unwrap_or(f64::NAN);
+            println!("{:3.0} %, {:.1} s, SSIM {ssim:.4}", 100.0 * now.share, now.seconds);
         }
     };
     let style = learn(&source, &recipe, Control::new(&mut tell))?;

@@ -9,10 +9,9 @@ use monadnock::{Cell, Control, Recipe, Registry, Result, Seed, Source, Window, l
 
 fn main() -> Result<()> {
     let dem = bundled::load("sierra")?;
-    let mut config = StyleConfig::default();
-    config.model.epochs = 60;
     let source = Source::new("sierra", &dem, Window::square(Cell::new(0, 0), 128))?;
-    let style = learn(&source, &Recipe::network(&config, Seed(1))?, Control::new(&mut |_| ()))?;
+    let style =
+        learn(&source, &Recipe::network(&StyleConfig::default(), Seed(1))?, Control::new(&mut |_| ()))?;
 
     // Each patch's own ridges and valleys are given; how near does each system come to the patch?
     let systems = Registry::default().select(&style, "all")?;

@@ -17,7 +17,7 @@ fn main() -> ExitCode {
         return cli::run_with(registry(), std::env::args_os());
     }
     for line in [
-        "own train sierra --crop 0,0,96 --systems plateau --detail-model none -o own.safetensors",
+        "own train sierra --crop 0,0,96 --systems plateau --no-detail -o own.safetensors",
         "own generate own.safetensors --sketch lambda-ring --size 96x96 -o own.tif",
         "own eval own.safetensors sierra --systems plateau --patches 2",
     ] {

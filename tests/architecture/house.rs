@@ -104,8 +104,9 @@ impl House {
         for source in &self.sources {
             for Import { to, line, .. } in &source.scan.imports {
                 let (at, here, named) = (source.path.display(), &source.module[0], &to[0]);
-                let room =
-                    self.exports.iter().find(|(name, _)| name == named).map_or(named, |(_, room)| room);
+                // A function may be called like a room: paths into the crate mean the room.
+                let given_on = self.exports.iter().find(|(name, _)| name == named && place(name).is_none());
+                let room = given_on.map_or(named, |(_, room)| room);
                 match (place(here), place(room)) {
                     (Some(here), Some(there)) if there <= here => {}
                     (Some(_), Some(_)) => faults.push(format!(
