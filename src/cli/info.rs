@@ -143,14 +143,13 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
         CellSizeSource::AssumedUnit => ", if its unit is the metre: the file does not say",
         CellSizeSource::Assumed => ", assumed: the file does not say",
     };
-    let side = if x == y { metres(x) } else { format!("{} west-east, {} north-south", metres(x), metres(y)) };
     let (height, width) = (rows as f64 * y / 1000.0, cols as f64 * x / 1000.0);
     let share = percent(voids, rows * cols);
     let mut table = vec![
         row("terrain", path.display()),
         row("format", format!("{}, {}{packing}", description.format, description.sample)),
         row("size", format!("{rows} rows x {cols} columns")),
-        row("cell size", format!("{side}{source}")),
+        row("cell size", format!("{}{source}", dem.cell_size().in_words())),
         row("extent", format!("{height:.3} km north-south, {width:.3} km west-east")),
         row("elevation", format!("{} to {}, mean {}", metres(low.into()), metres(high.into()), metres(mean))),
         row("voids", if voids == 0 { "none".to_owned() } else { format!("{voids} cells ({share})") }),
@@ -254,14 +253,7 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         row("coordinates", coordinates),
     ];
     if let Some(size) = ground.map(|ground| ground.cell_size) {
-        let (x, y) = (size.x(), size.y());
-        let square = size.is_square();
-        let side = if square {
-            metres(size.mean())
-        } else {
-            format!("{} west-east, {} north-south", metres(x), metres(y))
-        };
-        table.push(row("cell size", side));
+        table.push(row("cell size", size.in_words()));
     }
     if open > 0 {
         let all = reading.given.iter().flatten().count();

@@ -1,8 +1,9 @@
 //! Sketches from the wild: the files of `../shared/cases`, where these are there, and more of their kinds.
 
-use super::{Answer, done, fails, run, temporary};
+use super::{Answer, done, fails, temporary};
 use monadnock::dem::io::{ReadOptions, WriteOptions, read, write};
-use monadnock::dem::{Dem, bundled};
+use monadnock::dem::crs::Crs;
+use monadnock::dem::{Dem, Georeference, RasterSpace, bundled};
 use monadnock::grid::Cell;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -118,14 +119,23 @@ fn placed(rows: usize, cols: usize, transform: [f64; 6], epsg: u32) -> String {
 
 #[test]
 fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
-    // In degrees 78.33 m is the side from north to south; the mean of both sides is told.
-    for (name, cell, mean) in
-        [("sketch-degrees.geojson", 78.33, "78.07"), ("sketch-webmercator.geojson", 30.01, "30.01")]
-    {
+    // In degrees the sides differ by less than counts as square: both are told, as of a DEM.
+    for (name, cell, words) in [
+        ("sketch-degrees.geojson", 78.33, "77.82 m west-east, 78.33 m north-south"),
+        ("sketch-webmercator.geojson", 30.01, "30.01 m"),
+    ] {
         let Some(path) = shared(name) else { continue };
         let (answer, info) = generate(&path, &[]);
         cell_is(&info, cell);
-        says(&answer.all(), &[&format!("cells of {mean} m")]);
+        says(&answer.all(), &[&format!("cells of {words}")]);
+        let (at, folder) = (with_style(), temporary());
+        let out = folder.path().join("o.tif");
+        let out = out.to_str().unwrap();
+        let args = ["generate", "s.safetensors", "--sketch", path.to_str().unwrap(), "-o", out, "--no-detail"];
+        done(at, &args);
+        for file in [path.to_str().unwrap(), out] {
+            says(&done(at, &["info", file]).out, &[&format!("cell size     {words}\n")]);
+        }
     }
     for (transform, epsg, cell) in [
         // US survey feet; metres; web mercator at 60 N under an older code; degrees, whose cells are made square.
@@ -136,7 +146,7 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
     ] {
         let (_folder, path) = written(&placed(48, 64, transform, epsg));
         let (answer, info) = generate(&path, &[]);
-        says(&answer.all(), &[&format!("cells of {cell:.2} m")]);
+        cell_is(&info, cell);
         // A code that EPSG has replaced is written as the new one.
         let written = if epsg == 3785 { 3857 } else { epsg };
         assert_eq!(info["georeference"]["epsg"], written, "{}", answer.out);
@@ -146,7 +156,7 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
         // What the caller says comes first.
         let (_, told) = generate(&path, &["--cell-size", "12", "--size", "48x64"]);
         assert_eq!((&told["rows"], &told["cols"]), (&48.into(), &64.into()));
-        says(&generate(&path, &["--cell-size", "12"]).0.all(), &["cells of 12.00 m"]);
+        says(&generate(&path, &["--cell-size", "12"]).0.all(), &["cells of 12 m"]);
     }
     // Forms are learned in cells: a map of far smaller ones is told, with both numbers.
     let (_folder, path) = written(&placed(48, 64, [5.0, 0.0, 5e5, 0.0, -5.0, 4.1e6], 32612));
@@ -337,25 +347,40 @@ fn zeros_feet_and_kinds_are_told() {
     refused(&river, &["--kind-property", "art"], &["property `Art` of feature 1", "\"river\""]);
 }
 
+/// In feet by a code, and in a system that no code names.
 #[test]
 fn what_eval_saves_lies_where_it_was() {
-    let (at, folder) = (with_style(), temporary());
-    let out = folder.path().join("saved");
-    let args = ["eval", "s.safetensors", "sierra", "--patches", "256,128", "--systems", "laplace", "--save"];
-    let answer = run(at, &[&args[..], &[out.to_str().unwrap(), "-q"]].concat());
-    assert_eq!(answer.code, 0, "{}", answer.err);
-    let place = bundled::load("sierra").unwrap().crop(Cell::new(256, 128), 128, 128).unwrap();
-    for file in ["truth.tif", "laplace.tif"] {
-        let dem = read(&out.join("256_128").join(file), &ReadOptions::default()).unwrap();
-        assert_eq!(
-            dem.georeference().map(|g| (g.transform, g.epsg)),
-            place.georeference().map(|g| (g.transform, g.epsg))
-        );
-        assert_eq!(dem.cell_size(), place.cell_size());
+    let at = with_style();
+    let whole = bundled::load("sierra").unwrap().crop(Cell::new(256, 128), 130, 131).unwrap();
+    let lambert = "+proj=lcc +lat_1=33 +lat_2=45 +lat_0=39 +lon_0=-96 +datum=NAD83 +units=us-ft";
+    for (epsg, definition) in [(Some(2227), None), (None, Some(Crs::parse(lambert).unwrap()))] {
+        let transform = [100.0, 0.0, 6_500_000.0, 0.0, -100.0, 1_900_000.0];
+        let place = Georeference { transform, epsg, definition, raster_space: RasterSpace::PixelIsPoint };
+        let ground = place.ground(whole.shape()).unwrap().cell_size;
+        let dem = Dem::new(whole.heights().clone(), ground).unwrap().at(Some(place));
+        let folder = temporary();
+        let (input, out) = (folder.path().join("feet.tif"), folder.path().join("saved"));
+        write(&dem, &input, &WriteOptions::default()).unwrap();
+        let files = [input.to_str().unwrap(), "--save", out.to_str().unwrap()];
+        let how = ["--patches", "2,3", "--systems", "laplace", "-q"];
+        done(at, &[&["eval", "s.safetensors"], &files[..], &how[..]].concat());
+        let patch = dem.crop(Cell::new(2, 3), 128, 128).unwrap();
+        for file in ["truth.tif", "laplace.tif"] {
+            let saved = read(&out.join("2_3").join(file), &ReadOptions::default()).unwrap();
+            let [found, wanted] = [&saved, &patch].map(|dem| *dem.georeference().unwrap());
+            assert_eq!(
+                (found.transform, found.epsg, found.raster_space),
+                (wanted.transform, wanted.epsg, wanted.raster_space)
+            );
+            let [found, wanted] = [found, wanted].map(|place| place.crs().unwrap());
+            assert_eq!(found.metres_per_unit(), wanted.metres_per_unit(), "{file}");
+            assert!(epsg.is_some() || found.wkt().unwrap().contains("Lambert"), "{file}: {found:?}");
+            let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
+            assert!(same(saved.cell_size().x(), ground.x()) && same(saved.cell_size().y(), ground.y()));
+        }
+        let sketch = looked_at(&out.join("2_3/sketch.geojson"), &[]);
+        let expected = patch.georeference().unwrap();
+        assert_eq!(sketch["georeference"]["transform"], serde_json::json!(expected.transform));
+        assert_eq!(sketch["georeference"]["epsg"], serde_json::json!(epsg));
     }
-    let sketch = looked_at(&out.join("256_128/sketch.geojson"), &[]);
-    assert_eq!(
-        sketch["georeference"]["transform"],
-        serde_json::json!(place.georeference().unwrap().transform)
-    );
 }

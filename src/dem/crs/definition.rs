@@ -1,6 +1,8 @@
 //! What a coordinate system is: kind, units, projection.
 
 use super::Ellipsoid;
+use super::missing;
+use super::other::{Other, Text, proj_string};
 use super::units::{linear_unit, unit_in_words};
 use crate::error::{Error, Result};
 use proj_core::{
@@ -29,12 +31,14 @@ pub struct Crs {
     datum: u32,
     map: Map,
     vertical: Option<f64>,
+    /// The definition, where only the second library knows the projection.
+    text: Option<Text>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Map {
     Geographic,
-    /// The projection, when it is one that can be undone; metres in a unit.
+    /// The projection, when it is one of the first library's; metres in a unit.
     Projected(Option<ProjectionMethod>, f64),
     Local(f64),
 }
@@ -42,7 +46,7 @@ enum Map {
 /// The same to whoever computes with them: names do not count.
 impl PartialEq for Crs {
     fn eq(&self, other: &Self) -> bool {
-        let facts = |c: &Self| (c.epsg, c.ellipsoid, c.base, c.datum, c.map, c.vertical);
+        let facts = |c: &Self| (c.epsg, c.ellipsoid, c.base, c.datum, c.map, c.vertical, c.text);
         facts(self) == facts(other)
     }
 }
@@ -52,7 +56,10 @@ impl Crs {
     /// 54004); `None` when the table does not have it.
     #[must_use]
     pub fn from_epsg(code: u32) -> Option<Self> {
-        let known = Self::of(&proj_core::lookup_epsg(same_as(code))?).ok()?;
+        let known = match proj_core::lookup_epsg(same_as(code)) {
+            Some(known) => Self::of(&known).ok()?,
+            None => Self::parse(&missing::definition(code)?).ok()?,
+        };
         Some(Self { epsg: Some(code), ..known })
     }
 
@@ -69,9 +76,20 @@ impl Crs {
             let unknown = || undefined(text, "the code is not in the table of coordinate systems");
             return Self::from_epsg(code).ok_or_else(unknown);
         }
-        match proj_wkt::parse_crs(text) {
-            Ok(definition) => Self::of(&definition),
-            Err(reason) => from_wkt_units(text).ok_or_else(|| undefined(text, &reason.to_string())),
+        if text.is_empty() {
+            return Err(undefined(text, "it is empty"));
+        }
+        let first = proj_wkt::parse_crs(text);
+        // The oblique projection of that name is another one than the library's.
+        let is_sure = !text.contains("PROJECTION[\"Stereographic\"]");
+        match first.map_err(|e| e.to_string()).and_then(|found| Self::of(&found).map_err(|e| e.to_string())) {
+            Ok(found) if is_sure => Ok(found),
+            other => {
+                let reason = other.err().unwrap_or_default();
+                let known = || own_code(text).and_then(Self::from_epsg);
+                let found = known().or_else(|| in_other_words(text)).or_else(|| from_wkt_units(text));
+                found.ok_or_else(|| undefined(text, &reason))
+            }
         }
     }
 
@@ -124,6 +142,7 @@ impl Crs {
         datum: 0,
         map: Map::Geographic,
         vertical: None,
+        text: None,
     };
 
     fn of(definition: &CrsDef) -> Result<Self> {
@@ -154,6 +173,7 @@ impl Crs {
             datum,
             map,
             vertical: definition.vertical_crs().map(|v| v.linear_unit_to_meter()),
+            text: None,
         })
     }
 
@@ -229,6 +249,8 @@ impl Crs {
         positive(metres)?;
         Ok(match self.map {
             Map::Projected(_, old) if old == metres => self,
+            // The text says another unit: nothing is left of it but the unit.
+            Map::Projected(None, _) => return Self::projected_in(metres),
             Map::Projected(method, _) => Self { epsg: None, map: Map::Projected(method, metres), ..self },
             Map::Local(_) => Self { map: Map::Local(metres), ..self },
             Map::Geographic => self,
@@ -248,11 +270,15 @@ impl Crs {
         format!("{name}, {unit}")
     }
 
-    /// The definition as WKT, for files. A projection that is known by its unit only becomes a local system.
+    /// The definition for files: as WKT, or as it was given where only that tells the projection. A projection that is known by
+    /// its unit only becomes a local system.
     ///
     /// # Errors
     /// When it has no form as WKT.
     pub fn wkt(&self) -> Result<String> {
+        if let Some(text) = self.text {
+            return Ok(text.given.to_owned());
+        }
         if let Map::Local(metres) | Map::Projected(None, metres) = self.map {
             return Ok(format!("LOCAL_CS[\"local\",UNIT[\"{}\",{metres}]]", unit_word(metres)));
         }
@@ -267,6 +293,16 @@ impl Crs {
             Map::Projected(method, _) => method,
             _ => None,
         }
+    }
+
+    /// Its text, where only that tells the projection.
+    pub(super) fn text(&self) -> Option<Text> {
+        self.text
+    }
+
+    /// Whether the projection can be undone.
+    pub(super) fn can_be_undone(&self) -> bool {
+        self.text.is_some() || self.method().is_some()
     }
 
     /// As the projection library has it.
@@ -338,6 +374,31 @@ fn unit_word(metres: f64) -> String {
     } else {
         unit_in_words(metres).split(" (").next().unwrap_or("unit").to_owned()
     }
+}
+
+/// The EPSG code that a projected system of WKT names as its own: the last thing in it.
+fn own_code(text: &str) -> Option<u32> {
+    let upper = text.to_ascii_uppercase();
+    if !upper.starts_with("PROJ") {
+        return None;
+    }
+    let words: String = upper.chars().filter(|c| !c.is_whitespace() && *c != '"').collect();
+    let (before, code) = words.strip_suffix("]]")?.rsplit_once(',')?;
+    let names = ["AUTHORITY[EPSG", "ID[EPSG"].iter().any(|mark| before.ends_with(mark));
+    code.parse().ok().filter(|_| names)
+}
+
+/// A definition that the first library does not take as it stands: as a PROJ string, else by the second library.
+fn in_other_words(text: &str) -> Option<Crs> {
+    let proj = proj_string(text)?;
+    let vertical = from_wkt_units(text).and_then(|crs| crs.vertical);
+    let first = proj_wkt::parse_crs(&proj).ok().filter(|_| proj != text).and_then(|found| Crs::of(&found).ok());
+    if let Some(found) = first.filter(|found| found.kind() == CrsKind::Projected) {
+        return Some(found.with_heights(vertical));
+    }
+    let Other { text, ellipsoid, metres } = Other::new(text, &proj)?;
+    positive(metres).ok()?;
+    Some(Crs { ellipsoid, map: Map::Projected(None, metres), vertical, text: Some(text), ..Crs::UNKNOWN })
 }
 
 /// Kind and unit of a WKT whose projection is not known: the last unit of length before the heights.

@@ -8,6 +8,9 @@
 mod definition;
 mod ellipsoid;
 mod ground;
+mod inverse;
+mod missing;
+mod other;
 mod units;
 
 pub(in crate::dem) use definition::same_as;

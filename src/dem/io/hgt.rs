@@ -8,7 +8,7 @@ use super::numbers::NumberType;
 use super::place::{Place, Said};
 use super::reading::Source;
 use super::samples::{Rule, Samples};
-use super::{Description, Format, Nodata, ReadOptions};
+use super::{Description, Format};
 use crate::dem::{Dem, RasterSpace};
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -49,14 +49,7 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
         }
     };
     let settled = place.settle(path, options, sidecars, (rows, cols), |_| None, said)?;
-    let options = match options.nodata {
-        Nodata::AsDeclared => ReadOptions { nodata: Nodata::Value(VOID), ..*options },
-        _ => *options,
-    };
-    let rule = Rule::new(path, &options, None, 1.0)?;
-    // The format fixes the marker: others are as strange as beside one that a file declares.
-    let rule = if source.options.nodata == Nodata::AsDeclared { rule.strict() } else { rule };
-    let mut samples = Samples::new(rows, cols, rule);
+    let mut samples = Samples::new(rows, cols, Rule::new(path, options, Some(VOID), 1.0)?);
     NumberType::I16.each(bytes, true, |i, value| samples.set(i, value));
     samples.flip(settled.flip_rows, settled.flip_cols);
     let description = Description::new(Format::Hgt, "i16", "", &settled);
