@@ -110,16 +110,8 @@ const FAR_CHANGE: f64 = 0.01;
 const NEARBY_SHADE: usize = 2;
 
 /// The smallest training that goes through every step of it.
-const TINY: [&str; 8] = [
-    "--epochs",
-    "2",
-    "--set",
-    "model.extractions=1",
-    "--set",
-    "model.splits=1",
-    "--set",
-    "model.width=8",
-];
+const TINY: [&str; 8] =
+    ["--epochs", "2", "--set", "model.extractions=1", "--set", "model.splits=1", "--set", "model.width=8"];
 
 /// One piece of terrain with voids, in a folder of its own, beside the same without.
 struct Case {
@@ -183,7 +175,9 @@ impl Case {
     fn info(&self) -> Checked {
         let info: serde_json::Value =
             serde_json::from_str(&self.run(&["info", "d.tif", "--json"])?).map_err(|e| self.failed(e))?;
-        self.ensure(info["voids"] == self.dem.void_count(), || format!("info counts {} voids", info["voids"]))?;
+        self.ensure(info["voids"] == self.dem.void_count(), || {
+            format!("info counts {} voids", info["voids"])
+        })?;
         let told = ["lowest", "highest"].map(|end| info["elevation"][end].as_f64().unwrap() as f32);
         self.ensure(told == [self.dem.range().0, self.dem.range().1], || format!("info says {told:?}"))
     }
@@ -194,11 +188,15 @@ impl Case {
         for name in ["d", "whole"] {
             self.run(&["render", &format!("{name}.tif"), "--grey", "-o", &format!("{name}-grey.png")])?;
         }
-        let [one, other] = ["d-grey.png", "whole-grey.png"].map(|name| pixels(&self.folder.path().join(name)));
+        let [one, other] =
+            ["d-grey.png", "whole-grey.png"].map(|name| pixels(&self.folder.path().join(name)));
         let size = one.len() / self.dem.heights().len();
-        let far = self.dem.valid().cells().enumerate().filter(|(_, (cell, ok))| {
-            **ok && away(self.dem.valid(), *cell, NEARBY_SHADE) > NEARBY_SHADE
-        });
+        let far = self
+            .dem
+            .valid()
+            .cells()
+            .enumerate()
+            .filter(|(_, (cell, ok))| **ok && away(self.dem.valid(), *cell, NEARBY_SHADE) > NEARBY_SHADE);
         let changed = far.filter(|(i, _)| one[i * size..][..size] != other[i * size..][..size]).count();
         self.ensure(changed == 0, || format!("{changed} pixels change far from voids"))
     }
@@ -211,7 +209,8 @@ impl Case {
         };
         let path = self.folder.path().join("d.geojson");
         let text = std::fs::read_to_string(path).map_err(|e| self.failed(e))?;
-        let sketch = geojson::parse(&text, &geojson::ReadOptions::default()).map_err(|e| self.failed(e))?.sketch;
+        let sketch =
+            geojson::parse(&text, &geojson::ReadOptions::default()).map_err(|e| self.failed(e))?.sketch;
         for vertex in sketch.strokes.iter().flat_map(|stroke| &stroke.vertices) {
             let cell = Cell::new(vertex.y.round() as usize, vertex.x.round() as usize);
             let height = f64::from(self.dem.heights()[cell]);
@@ -251,12 +250,33 @@ impl Case {
     fn learn(&self) -> Checked {
         self.run(&[&["train", "d.tif", "-o", "d.safetensors"], &TINY[..]].concat())?;
         let style: serde_json::Value =
-            serde_json::from_str(&self.run(&["info", "d.safetensors", "--json"])?).map_err(|e| self.failed(e))?;
+            serde_json::from_str(&self.run(&["info", "d.safetensors", "--json"])?)
+                .map_err(|e| self.failed(e))?;
         let told = ["low", "high"].map(|end| style["normalization"][end].as_f64().unwrap() as f32);
-        self.ensure(told == [self.dem.range().0, self.dem.range().1], || format!("the style spans {told:?}"))?;
-        self.run(&["generate", "d.safetensors", "--sketch", "d.geojson", "--like", "d.tif", "-o", "made.tif"])?;
+        self.ensure(told == [self.dem.range().0, self.dem.range().1], || {
+            format!("the style spans {told:?}")
+        })?;
+        self.run(&[
+            "generate",
+            "d.safetensors",
+            "--sketch",
+            "d.geojson",
+            "--like",
+            "d.tif",
+            "-o",
+            "made.tif",
+        ])?;
         self.ensure_whole("made.tif", self.dem.shape())?;
-        self.run(&["generate", &self.style, "--sketch", "single-stroke", "--like", "d.tif", "-o", "drawn.tif"])?;
+        self.run(&[
+            "generate",
+            &self.style,
+            "--sketch",
+            "single-stroke",
+            "--like",
+            "d.tif",
+            "-o",
+            "drawn.tif",
+        ])?;
         let drawn = self.read("drawn.tif")?;
         self.ensure(drawn.void_count() == 0 && drawn.shape() == self.dem.shape(), || "drawn.tif".to_owned())?;
         self.run(&["sample", "d.safetensors", "--size", "48", "-o", "sample.tif"])?;
@@ -265,7 +285,8 @@ impl Case {
         let open = r#"{"type":"Feature","properties":{"kind":"valley"},"geometry":{"type":"LineString","coordinates":
             [[8,8],[30,24],[44,44]]}}"#;
         std::fs::write(self.folder.path().join("open.geojson"), open).unwrap();
-        let fill = ["sketch", "fill", "open.geojson", "--style", "d.safetensors", "--like", "d.tif", "--pixels"];
+        let fill =
+            ["sketch", "fill", "open.geojson", "--style", "d.safetensors", "--like", "d.tif", "--pixels"];
         match self.run(&[&fill[..], &["-o", "filled.geojson"]].concat()) {
             // Too few lines are left to learn from.
             Err(e) if e.contains("heights of strokes cannot be learned") => Ok(()),
@@ -281,10 +302,14 @@ impl Case {
         };
         let truth = self.read("rebuilt/0_0/truth.tif")?;
         self.ensure(truth.valid() == self.dem.valid(), || "the saved truth has other voids".to_owned())?;
-        self.ensure(truth.georeference() == self.dem.georeference(), || "the saved truth lies elsewhere".to_owned())?;
+        self.ensure(truth.georeference() == self.dem.georeference(), || {
+            "the saved truth lies elsewhere".to_owned()
+        })?;
         for (cell, _) in self.dem.valid().cells().filter(|(_, ok)| **ok) {
             let (one, other) = (truth.heights()[cell], self.dem.heights()[cell]);
-            self.ensure((one - other).abs() < 1e-3, || format!("{cell:?} of the saved truth: {one}, not {other}"))?;
+            self.ensure((one - other).abs() < 1e-3, || {
+                format!("{cell:?} of the saved truth: {one}, not {other}")
+            })?;
         }
         self.ensure_whole("rebuilt/0_0/laplace.tif", self.dem.shape())?;
         self.ensure_whole("rebuilt/0_0/gnn.tif", self.dem.shape())

@@ -152,7 +152,7 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
         row("cell size", format!("{}{source}", dem.cell_size().in_words())),
         row("extent", format!("{height:.3} km north-south, {width:.3} km west-east")),
         row("elevation", format!("{} to {}, mean {}", metres(low.into()), metres(high.into()), metres(mean))),
-        row("voids", if voids == 0 { "none".to_owned() } else { format!("{voids} cells ({share})") }),
+        row("voids", if voids == 0 { "none".to_owned() } else { format!("{} ({share})", cells(voids)) }),
         row("coordinates", &description.coordinates),
     ];
     if let Some(g) = dem.georeference() {
@@ -317,6 +317,10 @@ pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Fact> {
 
 fn row(label: &str, text: impl std::fmt::Display) -> Fact {
     (label.to_owned(), text.to_string())
+}
+
+fn cells(count: usize) -> String {
+    if count == 1 { "1 cell".to_owned() } else { format!("{count} cells") }
 }
 
 fn percent(count: usize, all: usize) -> String {

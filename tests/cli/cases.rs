@@ -1,8 +1,8 @@
 //! Sketches from the wild: the files of `../shared/cases`, where these are there, and more of their kinds.
 
 use super::{Answer, done, fails, temporary};
-use monadnock::dem::io::{ReadOptions, WriteOptions, read, write};
 use monadnock::dem::crs::Crs;
+use monadnock::dem::io::{ReadOptions, WriteOptions, read, write};
 use monadnock::dem::{Dem, Georeference, RasterSpace, bundled};
 use monadnock::grid::Cell;
 use serde_json::Value;
@@ -131,7 +131,8 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
         let (at, folder) = (with_style(), temporary());
         let out = folder.path().join("o.tif");
         let out = out.to_str().unwrap();
-        let args = ["generate", "s.safetensors", "--sketch", path.to_str().unwrap(), "-o", out, "--no-detail"];
+        let args =
+            ["generate", "s.safetensors", "--sketch", path.to_str().unwrap(), "-o", out, "--no-detail"];
         done(at, &args);
         for file in [path.to_str().unwrap(), out] {
             says(&done(at, &["info", file]).out, &[&format!("cell size     {words}\n")]);

@@ -392,7 +392,8 @@ fn own_code(text: &str) -> Option<u32> {
 fn in_other_words(text: &str) -> Option<Crs> {
     let proj = proj_string(text)?;
     let vertical = from_wkt_units(text).and_then(|crs| crs.vertical);
-    let first = proj_wkt::parse_crs(&proj).ok().filter(|_| proj != text).and_then(|found| Crs::of(&found).ok());
+    let first =
+        proj_wkt::parse_crs(&proj).ok().filter(|_| proj != text).and_then(|found| Crs::of(&found).ok());
     if let Some(found) = first.filter(|found| found.kind() == CrsKind::Projected) {
         return Some(found.with_heights(vertical));
     }

@@ -6,17 +6,29 @@
 
 const OTHERS: [(u32, &str); 12] = [
     (2065, "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +ellps=bessel"),
-    (3139, "+proj=cass +lat_0=-16.25 +lon_0=179.333333333333 +x_0=251727.9155424 +y_0=334519.953768 +a=6378306.3696 +b=6356571.996 +to_meter=0.201168"),
+    (
+        3139,
+        "+proj=cass +lat_0=-16.25 +lon_0=179.333333333333 +x_0=251727.9155424 +y_0=334519.953768 +a=6378306.3696 +b=6356571.996 +to_meter=0.201168",
+    ),
     (3410, "+proj=cea +lat_ts=30 +R=6371228"),
-    (5224, "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +x_0=5000000 +y_0=5000000 +ellps=bessel"),
+    (
+        5224,
+        "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +x_0=5000000 +y_0=5000000 +ellps=bessel",
+    ),
     (5513, "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +ellps=bessel"),
-    (5515, "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +x_0=5000000 +y_0=5000000 +ellps=bessel"),
+    (
+        5515,
+        "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +x_0=5000000 +y_0=5000000 +ellps=bessel",
+    ),
     (6933, "+proj=cea +lat_ts=30 +datum=WGS84"),
     (8352, "+proj=krovak +lat_0=49.5 +lon_0=24.8333333333333 +k=0.9999 +ellps=bessel"),
     (9895, "+proj=tmerc +lat_0=49.8333333333333 +lon_0=6.16666666666667 +x_0=80000 +y_0=100000 +ellps=intl"),
     // True within 0.03 %, and not known to either library.
     (27_200, r#"PROJCS["New Zealand Map Grid",PROJECTION["New_Zealand_Map_Grid"],UNIT["metre",1]]"#),
-    (31_300, "+proj=lcc +lat_0=90 +lon_0=4.35693972222222 +lat_1=49.8333333333333 +lat_2=51.1666666666667 +x_0=150000.01256 +y_0=5400088.4378 +ellps=intl"),
+    (
+        31_300,
+        "+proj=lcc +lat_0=90 +lon_0=4.35693972222222 +lat_1=49.8333333333333 +lat_2=51.1666666666667 +x_0=150000.01256 +y_0=5400088.4378 +ellps=intl",
+    ),
     (10_622, "+proj=ortho +lat_0=37.6289686531 +lon_0=-122.3939412704 +ellps=GRS80 +units=us-ft"),
 ];
 

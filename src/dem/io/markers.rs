@@ -97,8 +97,16 @@ pub(super) fn check(
     let (low, high) = ends(heights, valid, &peeled);
     let (low, high) = (low.first, -high.first);
     if low.is_finite() && !(EARTH.contains(&low) && EARTH.contains(&high)) {
+        let units = [(0.3048, "feet"), (0.1, "decimetres"), (0.01, "centimetres"), (0.001, "millimetres")];
+        let fits = |unit: f64| EARTH.contains(&(low * unit)) && EARTH.contains(&(high * unit));
+        let remedy = match units.into_iter().find(|(unit, _)| fits(*unit)) {
+            Some((unit, name)) => format!("--metres-per-unit {unit} if they are {name}"),
+            None => "is it another unit, --metres-per-unit M, or another byte order?".to_owned(),
+        };
         said.warnings.push(format!(
-            "heights from {low} to {high} m: ground lies between {} and {} m (--metres-per-unit 0.3048 if they are feet)",
+            "heights from {} to {} m: ground lies between {} and {} m ({remedy})",
+            low as f32,
+            high as f32,
             EARTH.start(),
             EARTH.end()
         ));
@@ -130,7 +138,8 @@ impl Lonely {
     fn tell(&self, path: &Path, rule: &Rule, (low, high): (f64, f64), said: &mut Said) -> Result<()> {
         let Self { stored, count, .. } = *self;
         let cells = if count == 1 { "1 cell".to_owned() } else { format!("{count} cells") };
-        let others = format!("far from all other heights ({low} to {high} m)");
+        // With the digits of the file, which has them in single precision.
+        let others = format!("far from all other heights ({} to {} m)", low as f32, high as f32);
         // What is void already stays so.
         let keep = match rule.nodata().filter(|v| v.is_finite()) {
             Some(declared) => format!("{declared},{stored}"),

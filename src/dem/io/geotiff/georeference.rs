@@ -265,7 +265,10 @@ impl Keys {
                 }
                 let other = projection::proj_string(code, get, metres, self.base(path)?.ellipsoid());
                 let crs = self.words().or_else(|| Crs::parse(&other?).ok());
-                Ok((None, Some(crs.map_or_else(|| Crs::projected_in(metres), Ok).map_err(|e| e.in_file(path))?)))
+                Ok((
+                    None,
+                    Some(crs.map_or_else(|| Crs::projected_in(metres), Ok).map_err(|e| e.in_file(path))?),
+                ))
             }
         }
     }
@@ -273,9 +276,11 @@ impl Keys {
     /// The system that the file's texts define: Esri's WKT, as GDAL writes it where no keys say what a projection is, or a
     /// PROJ string.
     fn words(&self) -> Option<Crs> {
-        let of = |mark: &str| self.text.split('|').find_map(|text| text.split_once(mark).map(|(_, words)| words));
+        let of =
+            |mark: &str| self.text.split('|').find_map(|text| text.split_once(mark).map(|(_, words)| words));
         let found = of(WORDS).and_then(|wkt| Crs::parse(wkt).ok());
-        let found = found.or_else(|| Crs::parse(self.text.split('|').find(|text| text.starts_with("+proj="))?).ok());
+        let found =
+            found.or_else(|| Crs::parse(self.text.split('|').find(|text| text.starts_with("+proj="))?).ok());
         found.filter(|crs| crs.kind() == CrsKind::Projected)
     }
 
