@@ -188,7 +188,7 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         ..args.sketch.options()
     };
     let outline = outline(path, &options)?;
-    let reading = match around_strokes(&outline, SHOWN_SIDE) {
+    let mut reading = match around_strokes(&outline, SHOWN_SIDE) {
         // Drawn in a geographic information system, which knows no map.
         Some((size, georeference)) if outline.is_placed && !outline.has_place && !args.sketch.pixels => {
             let own = ReadOptions { size: Some(size), georeference: Some(georeference), ..options };
@@ -201,6 +201,14 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
             reading
         }
         _ => read_sketch(path, &options)?,
+    };
+    // A place that no size follows from is no failure of looking at it.
+    let ground = match reading.georeference.map(|g| g.ground((reading.sketch.rows, reading.sketch.cols))) {
+        Some(Err(unplaced)) => {
+            reading.warnings.push(unplaced.to_string());
+            None
+        }
+        other => other.and_then(Result::ok),
     };
     let open: usize = reading.given.iter().flatten().filter(|given| !**given).count();
     let sketch = &reading.sketch;
@@ -231,6 +239,8 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         "line_cells": lines.line_count(),
         "share_of_cells": lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64,
         "georeference": reading.georeference,
+        "cell_size": ground.as_ref().map(|g| json!({"x": g.cell_size.x(), "y": g.cell_size.y()})),
+        "notes": ground.as_ref().map(|g| g.notes.as_slice()).unwrap_or_default(),
         "bounds": outline.bounds,
         "vertices_without_height": open,
         "warnings": reading.warnings,
@@ -244,15 +254,13 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         None => "columns and rows".to_owned(),
         Some(g) => g.coordinates_in_words(),
     };
-    // A place that no size follows from is no failure of looking at it.
-    let ground = reading.georeference.and_then(|g| g.ground((sketch.rows, sketch.cols)).ok());
     let mut table = vec![
         row("sketch", path.display()),
         row("map", format!("{} rows x {} columns", sketch.rows, sketch.cols)),
         row("heights", heights),
         row("coordinates", coordinates),
     ];
-    if let Some(size) = ground.map(|ground| ground.cell_size) {
+    if let Some(size) = ground.as_ref().map(|ground| ground.cell_size) {
         table.push(row("cell size", size.in_words()));
     }
     if open > 0 {
@@ -260,6 +268,7 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         table.push(row("without height", format!("{open} of {all} vertices")));
     }
     table.extend(lines_rows(sketch, &lines));
+    table.extend(ground.iter().flat_map(|ground| &ground.notes).map(|note| row("note", note)));
     table.extend(reading.warnings.iter().map(|warning| row("warning", warning)));
     Ok((value, table))
 }

@@ -385,3 +385,53 @@ fn what_eval_saves_lies_where_it_was() {
         assert_eq!(sketch["georeference"]["epsg"], serde_json::json!(epsg));
     }
 }
+
+/// The map of terrain whose heights would have to be explained first, and masks of any numbers.
+#[test]
+fn maps_and_masks_need_no_heights() {
+    let folder = temporary();
+    let at = folder.path();
+    let grid = |name: &str, number: &dyn Fn(usize) -> f64| {
+        let numbers: Vec<String> = (0..64 * 64).map(|i| number(i).to_string()).collect();
+        let head = "ncols 64\nnrows 64\nxllcorner 500000\nyllcorner 4100000\ncellsize 30\n";
+        std::fs::write(at.join(name), format!("{head}{}\n", numbers.join(" "))).unwrap();
+        at.join(name).to_str().unwrap().to_owned()
+    };
+    let marked = grid("marked.asc", &|i| if i < 9 { -9999.0 } else { 1500.0 + i as f64 / 9.0 });
+    // Terrain of it is refused, a map of it is not; what is assumed of its place is said.
+    fails(at, &["render", &marked, "-o", "x.png"], 1, &["marked.asc", "9 cells", "-9999"]);
+    let (answer, info) = generate(Path::new("lambda-ring"), &["--like", &marked]);
+    cell_is(&info, 30.0);
+    says(&answer.err, &["marked.asc: no coordinate system is stated: its unit is taken for metres"]);
+    assert!(!answer.err.contains("-9999"), "{}", answer.err);
+    std::fs::write(at.join("marked.prj"), "EPSG:2229").unwrap();
+    let (answer, info) = generate(Path::new("lambda-ring"), &["--like", &marked]);
+    cell_is(&info, 30.0 * 1200.0 / 3937.0);
+    says(&answer.err, &["coordinate system from marked.prj: EPSG:2229"]);
+    // White is 65535 or 1, black 0; a number that is declared to be none is no place for detail.
+    let bytes = |mask: &str| {
+        let out = at.join("o.tif");
+        let sketch = ["--sketch", "lambda-ring", "--size", "64", "--method", "network"];
+        let how = ["-o", out.to_str().unwrap(), "--detail-strength", "2", "--detail-mask", mask];
+        done(with_style(), &[&["generate", "s.safetensors"], &sketch[..], &how].concat());
+        std::fs::read(out).unwrap()
+    };
+    let [white, one] = [("white.asc", 65_535.0), ("one.asc", 1.0)]
+        .map(|(name, white)| bytes(&grid(name, &|i| if i % 64 < 20 { white } else { 0.0 })));
+    assert!(white == one && one != bytes(&grid("none.asc", &|_| 0.0)));
+    let own = grid("mask.asc", &|_| 1.0);
+    let args = ["generate", "s.safetensors", "--sketch", "lambda-ring", "--detail-mask", &own, "-o", &own];
+    fails(with_style(), &args, 1, &["mask.asc", "--output"]);
+}
+
+/// Looking at a sketch tells how large its cells are, and what that rests on.
+#[test]
+fn info_of_a_sketch_tells_its_ground() {
+    let web = [80.0, 0.0, 1_000_000.0, 0.0, -80.0, 8_399_738.0];
+    let (_folder, path) = written(&placed(48, 64, web, 3857));
+    let info = looked_at(&path, &[]);
+    cell_is(&info, 40.01);
+    says(&info["notes"].to_string(), &["web mercator stretches the map here"]);
+    let (_folder, path) = written(&placed(48, 64, [30.0, 0.0, 5e5, 0.0, -30.0, 4.1e6], 29_999));
+    says(&looked_at(&path, &[])["notes"].to_string(), &["EPSG:29999", "taken for metres"]);
+}

@@ -1,6 +1,7 @@
 //! From map coordinates to longitude and latitude, whichever library knows the projection: `proj-core`, else `proj4rs`.
 
-use super::{Crs, Ellipsoid};
+use super::Crs;
+use super::other::degrees_below;
 use proj_core::Transform;
 use proj4rs::Proj;
 use proj4rs::transform::transform;
@@ -19,10 +20,7 @@ impl Inverse {
     pub(super) fn of(crs: &Crs) -> Result<Self, String> {
         if let Some(text) = crs.text() {
             let of = |definition: &str| Proj::from_proj_string(definition).map_err(|e| e.to_string());
-            let Ellipsoid { semi_major, flattening } = crs.ellipsoid();
-            // On the same ellipsoid, so that no datum is shifted.
-            let degrees = format!("+proj=longlat +a={semi_major} +b={}", semi_major * (1.0 - flattening));
-            return Ok(Self::Second(Box::new([of(text.proj)?, of(&degrees)?])));
+            return Ok(Self::Second(Box::new([of(text.proj)?, of(&degrees_below(text.proj))?])));
         }
         let (from, to) = crs.with_base().ok_or("its definition is incomplete")?;
         let way = Transform::from_crs_defs(&from, &to).map_err(|e| e.to_string())?;

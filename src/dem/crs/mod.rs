@@ -11,6 +11,8 @@ mod ground;
 mod inverse;
 mod missing;
 mod other;
+#[cfg(test)]
+mod tests;
 mod units;
 
 pub(in crate::dem) use definition::same_as;

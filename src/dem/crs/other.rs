@@ -39,11 +39,20 @@ impl Other {
         if known.is_latlong() || known.is_geocent() || !known.has_inverse() {
             return None;
         }
-        let (semi_major, semi_minor) = known.ellipse_parameters();
+        // Of the degrees below it: some projections are of spheres only, and take the ellipsoid for one.
+        let (semi_major, semi_minor) =
+            Proj::from_proj_string(&degrees_below(proj)).ok()?.ellipse_parameters();
         let ellipsoid = Ellipsoid { semi_major, flattening: 1.0 - semi_minor / semi_major };
         let text = Text { given: kept(given), proj: kept(proj) };
         Some(Self { text, ellipsoid, metres: known.to_meter() })
     }
+}
+
+/// The longitudes and latitudes below a projection, counted from Greenwich, as a PROJ string.
+pub(super) fn degrees_below(proj: &str) -> String {
+    const SHAPE: [&str; 8] = ["+a=", "+b=", "+rf=", "+R=", "+ellps=", "+datum=", "+towgs84=", "+es="];
+    let shape = proj.split_whitespace().filter(|word| SHAPE.iter().any(|key| word.starts_with(key)));
+    shape.fold("+proj=longlat".to_owned(), |text, word| text + " " + word)
 }
 
 /// The text for as long as the program runs, once however often it is asked for: a [`Crs`] is copied freely.
