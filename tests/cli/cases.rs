@@ -121,7 +121,7 @@ fn placed(rows: usize, cols: usize, transform: [f64; 6], epsg: u32) -> String {
 fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
     // In degrees the sides differ by less than counts as square: both are told, as of a DEM.
     for (name, cell, words) in [
-        ("sketch-degrees.geojson", 78.33, "77.82 m west-east, 78.33 m north-south"),
+        ("sketch-degrees.geojson", 78.33, "77.83 m west-east, 78.33 m north-south"),
         ("sketch-webmercator.geojson", 30.01, "30.01 m"),
     ] {
         let Some(path) = shared(name) else { continue };
@@ -421,7 +421,7 @@ fn maps_and_masks_need_no_heights() {
     assert!(white == one && one != bytes(&grid("none.asc", &|_| 0.0)));
     let own = grid("mask.asc", &|_| 1.0);
     let args = ["generate", "s.safetensors", "--sketch", "lambda-ring", "--detail-mask", &own, "-o", &own];
-    fails(with_style(), &args, 1, &["mask.asc", "--output"]);
+    fails(with_style(), &args, 1, &["mask.asc", "another file than those that are read"]);
 }
 
 /// Looking at a sketch tells how large its cells are, and what that rests on.

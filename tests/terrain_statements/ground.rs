@@ -306,7 +306,7 @@ fn projections_without_keys_are_read_from_words() {
     let equal_area = own(28, &[30.0, 0.0], &[3078, 34736, 1, 0, 3080, 34736, 1, 1]);
     let (dem, said) = read_files(&[("a.tif", &equal_area.bytes())], &DEFAULT).unwrap();
     cells(&dem, 57.84, 172.88);
-    told(&said, &["57.84 m west-east, 172.88 m north-south on the ground"]);
+    told(&said, &["cells of 100 m on it are 57.86 m west-east, 172.83 m north-south on the ground"]);
     let sinusoidal = own(24, &[0.0], &[3088, 34736, 1, 0]);
     let (dem, said) = read_files(&[("a.tif", &sinusoidal.bytes())], &DEFAULT).unwrap();
     cells(&dem, 100.0, 102.72);

@@ -224,4 +224,29 @@ mod tests {
         let mars = plain((0..900u16).map(|i| 25.0 * f32::from(i)).collect());
         assert!(mars.len() == 1 && mars[0].contains("0 to 22475"), "{mars:?}");
     }
+
+    /// Heights that are none of metres: in which unit they would fit, when in any.
+    #[test]
+    fn strange_ranges_are_told_with_a_remedy() {
+        let warned = |lowest: f32, step: f32| {
+            let heights: Vec<f32> = (0..900u16).map(|i| lowest + step * f32::from(i)).collect();
+            let (path, mut said) = (Path::new("x"), Said::default());
+            let rule = Rule::new(path, &ReadOptions::default(), None, 1.0).unwrap();
+            check(path, &rule, &heights, &vec![true; heights.len()], &mut said).unwrap();
+            said.warnings.join("; ")
+        };
+        for (lowest, step, remedy) in [
+            (10_000.0, 15.0, "--metres-per-unit 0.3048 if they are feet"),
+            (31_000.0, 50.0, "--metres-per-unit 0.1 if they are decimetres"),
+            (155_002.0, 20.0, "--metres-per-unit 0.01 if they are centimetres"),
+            (-32_000.0, 60.0, "--metres-per-unit 0.3048"),
+            (-900_000.0, 2000.0, "--metres-per-unit 0.01"),
+        ] {
+            let said = warned(lowest, step);
+            assert!(said.contains(remedy), "{lowest}: {said}");
+        }
+        assert!(warned(-90_000_000.0, 200_000.0).contains("byte order"), "nothing fits");
+        // With the digits that the file has, not those of a wider float.
+        assert!(warned(20_000.1, 1.0).contains("heights from 20000.1 to"), "{}", warned(20_000.1, 1.0));
+    }
 }
