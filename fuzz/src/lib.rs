@@ -59,7 +59,7 @@ pub fn read_sketch(bytes: &[u8]) {
             assert!(options.missing_heights != MissingHeights::Refuse || given.iter().all(|given| *given));
         }
         if reading.sketch.rows * reading.sketch.cols <= 1 << 16 {
-            reading.sketch.rasterize();
+            let _ = reading.sketch.rasterize();
         }
         // Numbers that stand for "no height" are written as they are, and not read.
         let markers = [-9999.0, -32768.0, -32767.0, -99999.0, -999_999.0];

@@ -33,7 +33,7 @@ impl DemInput {
         let (dem, description) = self.reading.read(&self.dem)?;
         tell(&self.dem, &description, console);
         let (name, size) = (self.dem.display(), dem.cell_size());
-        let sides = format!("cells are {:.2} m west-east and {:.2} m north-south", size.x(), size.y());
+        let sides = format!("cells are {}", size.in_words());
         if self.keep_cells {
             if !size.is_square() {
                 console.warning(format!("{name}: {sides}, worked on as if they were square"));
@@ -43,9 +43,9 @@ impl DemInput {
         let Some(square) = dem.on_square_cells().map_err(|e| e.in_file(&self.dem))? else { return Ok(dem) };
         let (rows, cols) = square.shape();
         console.note(format!(
-            "{name}: {sides}: resampled to {rows}x{cols} square cells of {:.2} m, in which windows, patches and sketches \
+            "{name}: {sides}: resampled to {rows}x{cols} square cells of {}, in which windows, patches and sketches \
              are counted (--keep-cells leaves them)",
-            square.cell_size().mean()
+            square.cell_size().in_words()
         ));
         Ok(square)
     }
@@ -124,6 +124,25 @@ impl DemReading {
             return refuse("--metres-per-unit", metres.to_string(), allowed);
         }
         Ok(())
+    }
+}
+
+/// A terrain file, or the bundled terrain of that name, whose numbers need not be heights: a mask, or the place alone.
+///
+/// # Errors
+/// As [`io::read`].
+pub(super) fn read_numbers(path: &Path, cell_size: Option<CellSize>) -> Result<(Dem, Description)> {
+    let options = ReadOptions {
+        elevation: Some(Normalization::new(0.0, 1.0)?),
+        cell_size,
+        band: Some(1),
+        nodata: Nodata::Numbers,
+        metres_per_unit: Some(1.0),
+    };
+    match bundled_name(path) {
+        Some(name) => bundled::read(name, &options),
+        None if !path.exists() => Err(no_such_terrain(path)),
+        None => io::read_described(path, &options),
     }
 }
 

@@ -100,10 +100,11 @@ fn list(path: &Path, context: &Context) -> Result<()> {
         let (dem, description) = manifest.load_described(&area.name)?;
         tell(&area.file, &description, &context.console);
         let ((rows, cols), (low, high)) = (dem.shape(), dem.range());
-        let side = dem.cell_size().mean();
         context.console.line(format!(
-            "{:16} {rows} x {cols} cells of {side} m, {low} to {high} m  {}",
-            area.name, area.what
+            "{:16} {rows} x {cols} cells of {}, {low} to {high} m  {}",
+            area.name,
+            dem.cell_size().in_words(),
+            area.what
         ));
     }
     Ok(())

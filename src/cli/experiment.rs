@@ -1,6 +1,7 @@
 //! `experiment`: comparisons as data files, their records and reports.
 
 use super::Context;
+use super::args::tell;
 use super::console::Progress;
 use super::outputs::{OutputKind, Outputs};
 use crate::error::{Error, Result};
@@ -170,6 +171,14 @@ fn start(args: &RunArgs, context: &Context) -> Result<()> {
         .check()?;
     let terrain = Terrain::new(args.data.as_deref())?;
     let resolved = resolve(&spec, &terrain).map_err(|e| e.in_file(&path))?;
+    // Several areas may be windows of one file, which is told once.
+    let mut told: Vec<&Path> = Vec::new();
+    for area in &resolved.areas {
+        if !told.contains(&area.file.as_path()) {
+            tell(&area.file, &area.description, &context.console);
+            told.push(&area.file);
+        }
+    }
     file::create_folder(&out)?;
     let options = RunOptions {
         out: out.clone(),

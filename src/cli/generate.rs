@@ -1,7 +1,7 @@
 //! `monadnock generate`: a style and a sketch become terrain.
 
 use super::Context;
-use super::args::elevation;
+use super::args::{elevation, read_numbers};
 use super::console::Console;
 use super::outputs::{OutputKind, Outputs};
 use super::sketch_check::{CheckOptions, draw_variants, sheet_path, variant_path};
@@ -161,13 +161,8 @@ impl DetailOptions {
 
 /// The cells above one half of a raster of this shape.
 fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
-    let png = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    let elevation = png.then(|| Normalization::new(0.0, 1.0)).transpose()?;
-    let dem = io::read(
-        path,
-        // Where it lies and how large its cells are does not count.
-        &io::ReadOptions { elevation, cell_size: Some(CellSize::square(1.0)?), ..Default::default() },
-    )?;
+    // Where it lies and how large its cells are does not count.
+    let (dem, _) = read_numbers(path, Some(CellSize::square(1.0)?))?;
     if dem.shape() != shape {
         let (found, wanted) = (dem.shape(), shape);
         let found = format!("{}x{} cells", found.0, found.1);
@@ -194,6 +189,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         .reads(&args.style)
         .reads(&args.sketch)
         .reads(args.map.like())
+        .reads(&args.detail.detail_mask)
         .check()?;
     args.check.bounds()?;
     let style = context.registry.load(&args.style)?;
@@ -235,10 +231,10 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
         io::write(&dem, path, &WriteOptions::default())?;
         let (low, high) = dem.range();
-        let ((rows, cols), side) = (dem.shape(), dem.cell_size().mean());
+        let ((rows, cols), side) = (dem.shape(), dem.cell_size().in_words());
         context
             .console
-            .line(format!("{}: {rows}x{cols} cells of {side:.2} m, {low:.1} to {high:.1} m", path.display()));
+            .line(format!("{}: {rows}x{cols} cells of {side}, {low:.1} to {high:.1} m", path.display()));
         made.push((format!("seed {}", seed.0), dem));
     }
     if let Some(sheet) = &sheet {

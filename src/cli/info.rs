@@ -143,17 +143,16 @@ fn terrain(path: &Path, reading: &DemReading) -> Result<(Value, Vec<Fact>)> {
         CellSizeSource::AssumedUnit => ", if its unit is the metre: the file does not say",
         CellSizeSource::Assumed => ", assumed: the file does not say",
     };
-    let side = if x == y { metres(x) } else { format!("{} west-east, {} north-south", metres(x), metres(y)) };
     let (height, width) = (rows as f64 * y / 1000.0, cols as f64 * x / 1000.0);
     let share = percent(voids, rows * cols);
     let mut table = vec![
         row("terrain", path.display()),
         row("format", format!("{}, {}{packing}", description.format, description.sample)),
         row("size", format!("{rows} rows x {cols} columns")),
-        row("cell size", format!("{side}{source}")),
+        row("cell size", format!("{}{source}", dem.cell_size().in_words())),
         row("extent", format!("{height:.3} km north-south, {width:.3} km west-east")),
         row("elevation", format!("{} to {}, mean {}", metres(low.into()), metres(high.into()), metres(mean))),
-        row("voids", if voids == 0 { "none".to_owned() } else { format!("{voids} cells ({share})") }),
+        row("voids", if voids == 0 { "none".to_owned() } else { format!("{} ({share})", cells(voids)) }),
         row("coordinates", &description.coordinates),
     ];
     if let Some(g) = dem.georeference() {
@@ -189,7 +188,7 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         ..args.sketch.options()
     };
     let outline = outline(path, &options)?;
-    let reading = match around_strokes(&outline, SHOWN_SIDE) {
+    let mut reading = match around_strokes(&outline, SHOWN_SIDE) {
         // Drawn in a geographic information system, which knows no map.
         Some((size, georeference)) if outline.is_placed && !outline.has_place && !args.sketch.pixels => {
             let own = ReadOptions { size: Some(size), georeference: Some(georeference), ..options };
@@ -202,6 +201,14 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
             reading
         }
         _ => read_sketch(path, &options)?,
+    };
+    // A place that no size follows from is no failure of looking at it.
+    let ground = match reading.georeference.map(|g| g.ground((reading.sketch.rows, reading.sketch.cols))) {
+        Some(Err(unplaced)) => {
+            reading.warnings.push(unplaced.to_string());
+            None
+        }
+        other => other.and_then(Result::ok),
     };
     let open: usize = reading.given.iter().flatten().filter(|given| !**given).count();
     let sketch = &reading.sketch;
@@ -232,6 +239,8 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         "line_cells": lines.line_count(),
         "share_of_cells": lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64,
         "georeference": reading.georeference,
+        "cell_size": ground.as_ref().map(|g| json!({"x": g.cell_size.x(), "y": g.cell_size.y()})),
+        "notes": ground.as_ref().map(|g| g.notes.as_slice()).unwrap_or_default(),
         "bounds": outline.bounds,
         "vertices_without_height": open,
         "warnings": reading.warnings,
@@ -245,29 +254,21 @@ fn sketch(path: &Path, args: &InfoArgs) -> Result<(Value, Vec<Fact>)> {
         None => "columns and rows".to_owned(),
         Some(g) => g.coordinates_in_words(),
     };
-    // A place that no size follows from is no failure of looking at it.
-    let ground = reading.georeference.and_then(|g| g.ground((sketch.rows, sketch.cols)).ok());
     let mut table = vec![
         row("sketch", path.display()),
         row("map", format!("{} rows x {} columns", sketch.rows, sketch.cols)),
         row("heights", heights),
         row("coordinates", coordinates),
     ];
-    if let Some(size) = ground.map(|ground| ground.cell_size) {
-        let (x, y) = (size.x(), size.y());
-        let square = size.is_square();
-        let side = if square {
-            metres(size.mean())
-        } else {
-            format!("{} west-east, {} north-south", metres(x), metres(y))
-        };
-        table.push(row("cell size", side));
+    if let Some(size) = ground.as_ref().map(|ground| ground.cell_size) {
+        table.push(row("cell size", size.in_words()));
     }
     if open > 0 {
         let all = reading.given.iter().flatten().count();
         table.push(row("without height", format!("{open} of {all} vertices")));
     }
     table.extend(lines_rows(sketch, &lines));
+    table.extend(ground.iter().flat_map(|ground| &ground.notes).map(|note| row("note", note)));
     table.extend(reading.warnings.iter().map(|warning| row("warning", warning)));
     Ok((value, table))
 }
@@ -325,6 +326,10 @@ pub(super) fn lines_rows(sketch: &Sketch, lines: &LineMap) -> Vec<Fact> {
 
 fn row(label: &str, text: impl std::fmt::Display) -> Fact {
     (label.to_owned(), text.to_string())
+}
+
+fn cells(count: usize) -> String {
+    if count == 1 { "1 cell".to_owned() } else { format!("{count} cells") }
 }
 
 fn percent(count: usize, all: usize) -> String {

@@ -3,11 +3,10 @@
 //! In order of precedence: `--like DEM` or `--bounds`, then what the sketch file says of itself, then its strokes. The size of
 //! a cell follows from the place; a sketch without one has the style's cells. `--cell-size` overrules all of it.
 
-use super::args::{cell_size, size};
+use super::args::{cell_size, read_numbers, size, tell};
 use super::console::Console;
 use super::sketch_input::{Map, outline, read_on_map, read_sized, read_sketch, scaled};
-use crate::dem::io::{self, ReadOptions as DemOptions};
-use crate::dem::{CellSize, Georeference, Normalization, RasterSpace, bundled};
+use crate::dem::{CellSize, Georeference, RasterSpace};
 use crate::error::{Error, Result};
 use crate::sketch::geojson::{Bounds, Outline, ReadOptions, SketchReading};
 use std::path::{Path, PathBuf};
@@ -105,10 +104,9 @@ impl MapOptions {
         }
         if !cell_size.is_square() {
             console.warning(format!(
-                "{}: cells of {:.2} m west-east and {:.2} m north-south are worked on as if they were square",
+                "{}: cells of {} are worked on as if they were square",
                 path.display(),
-                cell_size.x(),
-                cell_size.y()
+                cell_size.in_words()
             ));
         }
         Ok(found)
@@ -122,7 +120,7 @@ impl MapOptions {
         options: &ReadOptions,
         console: &Console,
     ) -> Result<SketchOnMap> {
-        let like = Like::read(dem, self.cell_size)?;
+        let like = Like::read(dem, self.cell_size, console)?;
         let map = Map { size: like.size, georeference: like.georeference };
         let (mut reading, drawn) = read_on_map(path, map, like.size, options)?;
         if let Some((rows, cols)) = drawn {
@@ -145,12 +143,12 @@ impl MapOptions {
             }
         }
         console.note(format!(
-            "{}: on the map of {}: {}x{} cells of {:.2} m",
+            "{}: on the map of {}: {}x{} cells of {}",
             path.display(),
             dem.display(),
             reading.sketch.rows,
             reading.sketch.cols,
-            cell_size.mean()
+            cell_size.in_words()
         ));
         Ok(SketchOnMap { reading, cell_size })
     }
@@ -198,7 +196,7 @@ impl MapOptions {
             None => cell_on_ground(path, &georeference, size, console)?,
         };
         console.note(format!(
-            "{}: on a map from ({}, {}) to ({}, {}): {}x{} cells of {:.2} m",
+            "{}: on a map from ({}, {}) to ({}, {}): {}x{} cells of {}",
             path.display(),
             b.west,
             b.south,
@@ -206,7 +204,7 @@ impl MapOptions {
             b.north,
             size.0,
             size.1,
-            cell_size.mean()
+            cell_size.in_words()
         ));
         Ok(SketchOnMap { reading, cell_size })
     }
@@ -228,11 +226,10 @@ impl MapOptions {
         let Some(georeference) = reading.georeference else {
             let cell_size = self.cell_size.unwrap_or(style);
             if self.cell_size.is_none() {
-                let (x, y) = (style.x(), style.y());
-                let side = if x == y { format!("{x:.2} m") } else { format!("{x:.2} m by {y:.2} m") };
                 console.note(format!(
-                    "{}: has no place: cells of {side}, as the style's (--cell-size)",
-                    path.display()
+                    "{}: has no place: cells of {}, as the style's (--cell-size)",
+                    path.display(),
+                    style.in_words()
                 ));
             }
             return Ok(SketchOnMap { reading, cell_size });
@@ -246,10 +243,9 @@ impl MapOptions {
         if let (None, Some(square)) = (self.size, cell_size.square_shape(size(&reading))) {
             let from = size(&reading);
             console.note(format!(
-                "{}: cells are {:.2} m west-east and {:.2} m north-south: scaled from {}x{} to {}x{} square ones",
+                "{}: cells are {}: scaled from {}x{} to {}x{} square ones",
                 path.display(),
-                cell_size.x(),
-                cell_size.y(),
+                cell_size.in_words(),
                 from.0,
                 from.1,
                 square.0,
@@ -322,15 +318,10 @@ struct Like {
 }
 
 impl Like {
-    /// On square cells, as every command works on terrain.
-    fn read(path: &Path, cell_size: Option<CellSize>) -> Result<Self> {
-        // Heights do not count here: those of a PNG need not be known.
-        let elevation = Some(Normalization::new(0.0, 1.0)?);
-        let options = DemOptions { cell_size, elevation, ..DemOptions::default() };
-        let dem = match super::args::bundled_name(path) {
-            Some(name) => bundled::read(name, &options)?.0,
-            None => io::read(path, &options)?,
-        };
+    /// On square cells, as every command works on terrain; tells what was assumed of its place.
+    fn read(path: &Path, cell_size: Option<CellSize>, console: &Console) -> Result<Self> {
+        let (dem, description) = read_numbers(path, cell_size)?;
+        tell(path, &description, console);
         let dem = dem.on_square_cells().map_err(|e| e.in_file(path))?.unwrap_or(dem);
         Ok(Self { size: dem.shape(), georeference: dem.georeference().copied(), cell_size: dem.cell_size() })
     }

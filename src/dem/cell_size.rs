@@ -46,4 +46,15 @@ impl CellSize {
     pub fn mean(self) -> f64 {
         (self.x * self.y).sqrt()
     }
+
+    /// For people: "30 m", or "77.82 m west-east, 78.33 m north-south" where the sides differ.
+    #[must_use]
+    pub fn in_words(self) -> String {
+        let text = |side: f64| {
+            let text = format!("{side:.2}");
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        };
+        let (x, y) = (text(self.x), text(self.y));
+        if x == y { format!("{x} m") } else { format!("{x} m west-east, {y} m north-south") }
+    }
 }

@@ -1,17 +1,29 @@
 //! The terrain of an experiment: where it comes from, and its areas in memory.
 
 use super::spec::ExperimentSpec;
+use crate::dem::io::{Description, ReadOptions};
 use crate::dem::manifest::Manifest;
 use crate::dem::{Dem, bundled};
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::style::Source;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Where terrain comes from by name: a folder with a manifest, then the bundled tiles.
 #[derive(Clone, Debug, Default)]
 pub struct Terrain {
     manifest: Option<Manifest>,
+}
+
+/// A piece of terrain, on square cells.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// Its file; the name of a bundled tile.
+    pub file: PathBuf,
+    /// The terrain.
+    pub dem: Dem,
+    /// What was assumed about it.
+    pub description: Description,
 }
 
 impl Terrain {
@@ -27,15 +39,27 @@ impl Terrain {
     ///
     /// # Errors
     /// When there is none, or its file is not what the manifest says.
-    pub fn load(&self, name: &str) -> Result<Dem> {
+    pub fn load(&self, name: &str) -> Result<Loaded> {
         let in_folder = |m: &&Manifest| m.areas.iter().any(|area| area.name == name);
         if let Some(manifest) = self.manifest.as_ref().filter(in_folder) {
+            let (dem, mut description) = manifest.load_described(name)?;
+            let area = manifest.areas.iter().find(|area| area.name == name);
+            let file = manifest.folder.join(area.map_or(Path::new(name), |area| &area.file));
             // On square cells, as every command has it.
-            let dem = manifest.load(name)?;
-            return Ok(dem.on_square_cells()?.unwrap_or(dem));
+            let Some(square) = dem.on_square_cells().map_err(|e| e.in_file(&file))? else {
+                return Ok(Loaded { file, dem, description });
+            };
+            let ((rows, cols), from, to) = (square.shape(), dem.cell_size(), square.cell_size());
+            description.notes.push(format!(
+                "cells are {}: resampled to {rows}x{cols} square cells of {}, in which exemplars and patches are counted",
+                from.in_words(),
+                to.in_words()
+            ));
+            return Ok(Loaded { file, dem: square, description });
         }
         if bundled::names().any(|known| known == name) {
-            return bundled::load(name);
+            let (dem, description) = bundled::read(name, &ReadOptions::default())?;
+            return Ok(Loaded { file: name.into(), dem, description });
         }
         let mut known: Vec<&str> =
             self.manifest.iter().flat_map(|m| &m.areas).map(|area| area.name.as_str()).collect();
@@ -54,6 +78,10 @@ impl Terrain {
 pub struct Area {
     /// Its name.
     pub name: String,
+    /// Its file; the name of a bundled tile.
+    pub file: PathBuf,
+    /// What was assumed about it.
+    pub description: Description,
     /// All of it.
     pub dem: Dem,
     /// The exemplar.

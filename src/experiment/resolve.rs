@@ -1,6 +1,6 @@
 //! From an experiment file to terrain in memory and a file in which nothing is left open.
 
-use super::areas::{Area, Resolved, Terrain};
+use super::areas::{Area, Loaded, Resolved, Terrain};
 use super::protocol::SketchSource;
 use super::protocols;
 use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
@@ -60,11 +60,11 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
 }
 
 /// The terrain of an area, as coarse as the area says.
-fn terrain_of(entry: &AreaSpec, terrain: &Terrain) -> Result<Dem> {
-    let dem = terrain.load(entry.terrain.as_deref().unwrap_or(&entry.name))?;
+fn terrain_of(entry: &AreaSpec, terrain: &Terrain) -> Result<Loaded> {
+    let loaded = terrain.load(entry.terrain.as_deref().unwrap_or(&entry.name))?;
     match entry.coarser {
-        Some(factor) if factor > 1 => coarsened(&dem, factor),
-        _ => Ok(dem),
+        Some(factor) if factor > 1 => Ok(Loaded { dem: coarsened(&loaded.dem, factor)?, ..loaded }),
+        _ => Ok(loaded),
     }
 }
 
@@ -96,7 +96,7 @@ fn every_exemplar(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Vec<AreaSp
             all.push(entry.clone());
             continue;
         }
-        let dem = terrain_of(entry, terrain)?;
+        let dem = terrain_of(entry, terrain)?.dem;
         let known =
             |cell: &Cell| dem.crop(Window::square(*cell, PATCH)).is_ok_and(|p| p.range().0 < p.range().1);
         for cell in patch_cells(&dem).into_iter().filter(known) {
@@ -113,7 +113,7 @@ fn every_exemplar(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Vec<AreaSp
 
 fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Area> {
     let in_area = |e: Error| e.renamed(|name| format!("{name} (area {:?})", entry.name));
-    let dem = terrain_of(entry, terrain)?;
+    let Loaded { file, dem, description } = terrain_of(entry, terrain)?;
     let found = fingerprint(&dem);
     if let Some(meant) = entry.fingerprint.as_ref().filter(|meant| **meant != found) {
         let allowed = format!("the experiment means terrain with {meant}");
@@ -130,7 +130,7 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
     } else {
         Vec::new()
     };
-    Ok(Area { name: entry.name.clone(), dem, source, patches })
+    Ok(Area { name: entry.name.clone(), file, description, dem, source, patches })
 }
 
 /// The test patches of an area.

@@ -22,8 +22,8 @@ pub const LINE_TOLERANCE: f64 = 2.0;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scores {
-    /// Mean structural similarity, range 1; 1 is perfect.
-    pub ssim: f64,
+    /// Mean structural similarity, range 1; 1 is perfect. `None` where voids leave no window of 11x11 cells.
+    pub ssim: Option<f64>,
     /// Peak signal-to-noise ratio, decibels, range 1. Infinite for a perfect copy (written as `"inf"`).
     #[serde(with = "unbounded")]
     pub psnr: f64,
@@ -89,7 +89,8 @@ impl Scores {
             if part.as_slice().contains(&true) { psnr(output, truth, part, 1.0).map(Some) } else { Ok(None) }
         };
         Ok(Self {
-            ssim: ssim(output, truth, valid, 1.0)?,
+            // The shapes and values are checked by the next: this fails only when no window is left.
+            ssim: ssim(output, truth, valid, 1.0).ok(),
             psnr: psnr(output, truth, valid, 1.0)?,
             rmse: rmse(output, truth, valid)?,
             border_psnr: part(&border)?,
@@ -139,7 +140,7 @@ impl Scores {
     #[must_use]
     pub fn names() -> [&'static str; 17] {
         let none = Self {
-            ssim: 0.0,
+            ssim: None,
             psnr: 0.0,
             rmse: 0.0,
             border_psnr: None,
@@ -164,7 +165,7 @@ impl Scores {
     #[must_use]
     pub fn values(&self) -> [(&'static str, Option<f64>); 17] {
         [
-            ("ssim", Some(self.ssim)),
+            ("ssim", self.ssim),
             ("psnr", Some(self.psnr)),
             ("rmse", Some(self.rmse)),
             ("border_psnr", self.border_psnr),
@@ -264,7 +265,7 @@ mod tests {
         let valid = truth.map(|_| true);
         let scores =
             Scores::of(&truth, &truth, &valid, &lines(0)).unwrap().with_lines(&lines(0), &lines(0)).unwrap();
-        assert!((scores.ssim - 1.0).abs() < 1e-12);
+        assert!((scores.ssim.unwrap() - 1.0).abs() < 1e-12);
         assert_eq!((scores.psnr, scores.border_psnr), (f64::INFINITY, Some(f64::INFINITY)));
         assert_eq!((scores.rmse, scores.mean_slope_ratio, scores.spectrum_distance), (0.0, 1.0, 0.0));
         assert_eq!(
@@ -295,7 +296,7 @@ mod tests {
         let cut = |grid: &Grid<f32>| grid.crop(Window::new(Cell::new(8, 8), 16, 24)).unwrap();
         let alone = ssim(&cut(&output), &cut(&truth), &cut(&truth).map(|_| true), 1.0).unwrap();
         assert!((scores.interior_ssim.unwrap() - alone).abs() < 1e-9, "{scores:?} {alone}");
-        assert!(scores.interior_ssim.unwrap() > scores.ssim);
+        assert!(scores.interior_ssim > scores.ssim);
         let small = truth.crop(Window::square(Cell::new(0, 0), 20)).unwrap();
         let none = Scores::of(&small, &small, &small.map(|_| true), &LineMap::empty(20, 20)).unwrap();
         assert_eq!(none.interior_ssim, None);

@@ -1,8 +1,9 @@
 //! Sketches from the wild: the files of `../shared/cases`, where these are there, and more of their kinds.
 
-use super::{Answer, done, fails, run, temporary};
+use super::{Answer, done, fails, temporary};
+use monadnock::dem::crs::Crs;
 use monadnock::dem::io::{ReadOptions, WriteOptions, read, write};
-use monadnock::dem::{Dem, bundled};
+use monadnock::dem::{Dem, Georeference, RasterSpace, bundled};
 use monadnock::grid::{Cell, Window};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -118,14 +119,24 @@ fn placed(rows: usize, cols: usize, transform: [f64; 6], epsg: u32) -> String {
 
 #[test]
 fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
-    // In degrees 78.33 m is the side from north to south; the mean of both sides is told.
-    for (name, cell, mean) in
-        [("sketch-degrees.geojson", 78.33, "78.07"), ("sketch-webmercator.geojson", 30.01, "30.01")]
-    {
+    // In degrees the sides differ by less than counts as square: both are told, as of a DEM.
+    for (name, cell, words) in [
+        ("sketch-degrees.geojson", 78.33, "77.83 m west-east, 78.33 m north-south"),
+        ("sketch-webmercator.geojson", 30.01, "30.01 m"),
+    ] {
         let Some(path) = shared(name) else { continue };
         let (answer, info) = generate(&path, &[]);
         cell_is(&info, cell);
-        says(&answer.all(), &[&format!("cells of {mean} m")]);
+        says(&answer.all(), &[&format!("cells of {words}")]);
+        let (at, folder) = (with_style(), temporary());
+        let out = folder.path().join("o.tif");
+        let out = out.to_str().unwrap();
+        let args =
+            ["generate", "s.safetensors", "--sketch", path.to_str().unwrap(), "-o", out, "--no-detail"];
+        done(at, &args);
+        for file in [path.to_str().unwrap(), out] {
+            says(&done(at, &["info", file]).out, &[&format!("cell size     {words}\n")]);
+        }
     }
     for (transform, epsg, cell) in [
         // US survey feet; metres; web mercator at 60 N under an older code; degrees, whose cells are made square.
@@ -136,7 +147,7 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
     ] {
         let (_folder, path) = written(&placed(48, 64, transform, epsg));
         let (answer, info) = generate(&path, &[]);
-        says(&answer.all(), &[&format!("cells of {cell:.2} m")]);
+        cell_is(&info, cell);
         // A code that EPSG has replaced is written as the new one.
         let written = if epsg == 3785 { 3857 } else { epsg };
         assert_eq!(info["georeference"]["epsg"], written, "{}", answer.out);
@@ -146,7 +157,7 @@ fn a_georeferenced_sketch_has_the_cells_of_its_ground() {
         // What the caller says comes first.
         let (_, told) = generate(&path, &["--cell-size", "12", "--size", "48x64"]);
         assert_eq!((&told["rows"], &told["cols"]), (&48.into(), &64.into()));
-        says(&generate(&path, &["--cell-size", "12"]).0.all(), &["cells of 12.00 m"]);
+        says(&generate(&path, &["--cell-size", "12"]).0.all(), &["cells of 12 m"]);
     }
     // Forms are learned in cells: a map of far smaller ones is told, with both numbers.
     let (_folder, path) = written(&placed(48, 64, [5.0, 0.0, 5e5, 0.0, -5.0, 4.1e6], 32612));
@@ -337,25 +348,90 @@ fn zeros_feet_and_kinds_are_told() {
     refused(&river, &["--kind-property", "art"], &["property `Art` of feature 1", "\"river\""]);
 }
 
+/// In feet by a code, and in a system that no code names.
 #[test]
 fn what_eval_saves_lies_where_it_was() {
-    let (at, folder) = (with_style(), temporary());
-    let out = folder.path().join("saved");
-    let args = ["eval", "s.safetensors", "sierra", "--patches", "256,128", "--systems", "laplace", "--save"];
-    let answer = run(at, &[&args[..], &[out.to_str().unwrap(), "-q"]].concat());
-    assert_eq!(answer.code, 0, "{}", answer.err);
-    let place = bundled::load("sierra").unwrap().crop(Window::square(Cell::new(256, 128), 128)).unwrap();
-    for file in ["truth.tif", "laplace.tif"] {
-        let dem = read(&out.join("256_128").join(file), &ReadOptions::default()).unwrap();
-        assert_eq!(
-            dem.georeference().map(|g| (g.transform, g.epsg)),
-            place.georeference().map(|g| (g.transform, g.epsg))
-        );
-        assert_eq!(dem.cell_size(), place.cell_size());
+    let at = with_style();
+    let whole = bundled::load("sierra").unwrap().crop(Window::new(Cell::new(256, 128), 130, 131)).unwrap();
+    let lambert = "+proj=lcc +lat_1=33 +lat_2=45 +lat_0=39 +lon_0=-96 +datum=NAD83 +units=us-ft";
+    for (epsg, definition) in [(Some(2227), None), (None, Some(Crs::parse(lambert).unwrap()))] {
+        let transform = [100.0, 0.0, 6_500_000.0, 0.0, -100.0, 1_900_000.0];
+        let place = Georeference { transform, epsg, definition, raster_space: RasterSpace::PixelIsPoint };
+        let ground = place.ground(whole.shape()).unwrap().cell_size;
+        let dem = Dem::new(whole.heights().clone(), ground).unwrap().at(Some(place));
+        let folder = temporary();
+        let (input, out) = (folder.path().join("feet.tif"), folder.path().join("saved"));
+        write(&dem, &input, &WriteOptions::default()).unwrap();
+        let files = [input.to_str().unwrap(), "--save", out.to_str().unwrap()];
+        let how = ["--patches", "2,3", "--systems", "laplace", "-q"];
+        done(at, &[&["eval", "s.safetensors"], &files[..], &how[..]].concat());
+        let patch = dem.crop(Window::square(Cell::new(2, 3), 128)).unwrap();
+        for file in ["truth.tif", "laplace.tif"] {
+            let saved = read(&out.join("2_3").join(file), &ReadOptions::default()).unwrap();
+            let [found, wanted] = [&saved, &patch].map(|dem| *dem.georeference().unwrap());
+            assert_eq!(
+                (found.transform, found.epsg, found.raster_space),
+                (wanted.transform, wanted.epsg, wanted.raster_space)
+            );
+            let [found, wanted] = [found, wanted].map(|place| place.crs().unwrap());
+            assert_eq!(found.metres_per_unit(), wanted.metres_per_unit(), "{file}");
+            assert!(epsg.is_some() || found.wkt().unwrap().contains("Lambert"), "{file}: {found:?}");
+            let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
+            assert!(same(saved.cell_size().x(), ground.x()) && same(saved.cell_size().y(), ground.y()));
+        }
+        let sketch = looked_at(&out.join("2_3/sketch.geojson"), &[]);
+        let expected = patch.georeference().unwrap();
+        assert_eq!(sketch["georeference"]["transform"], serde_json::json!(expected.transform));
+        assert_eq!(sketch["georeference"]["epsg"], serde_json::json!(epsg));
     }
-    let sketch = looked_at(&out.join("256_128/sketch.geojson"), &[]);
-    assert_eq!(
-        sketch["georeference"]["transform"],
-        serde_json::json!(place.georeference().unwrap().transform)
-    );
+}
+
+/// The map of terrain whose heights would have to be explained first, and masks of any numbers.
+#[test]
+fn maps_and_masks_need_no_heights() {
+    let folder = temporary();
+    let at = folder.path();
+    let grid = |name: &str, number: &dyn Fn(usize) -> f64| {
+        let numbers: Vec<String> = (0..64 * 64).map(|i| number(i).to_string()).collect();
+        let head = "ncols 64\nnrows 64\nxllcorner 500000\nyllcorner 4100000\ncellsize 30\n";
+        std::fs::write(at.join(name), format!("{head}{}\n", numbers.join(" "))).unwrap();
+        at.join(name).to_str().unwrap().to_owned()
+    };
+    let marked = grid("marked.asc", &|i| if i < 9 { -9999.0 } else { 1500.0 + i as f64 / 9.0 });
+    // Terrain of it is refused, a map of it is not; what is assumed of its place is said.
+    fails(at, &["render", &marked, "-o", "x.png"], 1, &["marked.asc", "9 cells", "-9999"]);
+    let (answer, info) = generate(Path::new("lambda-ring"), &["--like", &marked]);
+    cell_is(&info, 30.0);
+    says(&answer.err, &["marked.asc: no coordinate system is stated: its unit is taken for metres"]);
+    assert!(!answer.err.contains("-9999"), "{}", answer.err);
+    std::fs::write(at.join("marked.prj"), "EPSG:2229").unwrap();
+    let (answer, info) = generate(Path::new("lambda-ring"), &["--like", &marked]);
+    cell_is(&info, 30.0 * 1200.0 / 3937.0);
+    says(&answer.err, &["coordinate system from marked.prj: EPSG:2229"]);
+    // White is 65535 or 1, black 0; a number that is declared to be none is no place for detail.
+    let bytes = |mask: &str| {
+        let out = at.join("o.tif");
+        let sketch = ["--sketch", "lambda-ring", "--size", "64", "--method", "network"];
+        let how = ["-o", out.to_str().unwrap(), "--detail-strength", "2", "--detail-mask", mask];
+        done(with_style(), &[&["generate", "s.safetensors"], &sketch[..], &how].concat());
+        std::fs::read(out).unwrap()
+    };
+    let [white, one] = [("white.asc", 65_535.0), ("one.asc", 1.0)]
+        .map(|(name, white)| bytes(&grid(name, &|i| if i % 64 < 20 { white } else { 0.0 })));
+    assert!(white == one && one != bytes(&grid("none.asc", &|_| 0.0)));
+    let own = grid("mask.asc", &|_| 1.0);
+    let args = ["generate", "s.safetensors", "--sketch", "lambda-ring", "--detail-mask", &own, "-o", &own];
+    fails(with_style(), &args, 1, &["mask.asc", "another file than those that are read"]);
+}
+
+/// Looking at a sketch tells how large its cells are, and what that rests on.
+#[test]
+fn info_of_a_sketch_tells_its_ground() {
+    let web = [80.0, 0.0, 1_000_000.0, 0.0, -80.0, 8_399_738.0];
+    let (_folder, path) = written(&placed(48, 64, web, 3857));
+    let info = looked_at(&path, &[]);
+    cell_is(&info, 40.01);
+    says(&info["notes"].to_string(), &["web mercator stretches the map here"]);
+    let (_folder, path) = written(&placed(48, 64, [30.0, 0.0, 5e5, 0.0, -30.0, 4.1e6], 29_999));
+    says(&looked_at(&path, &[])["notes"].to_string(), &["EPSG:29999", "taken for metres"]);
 }

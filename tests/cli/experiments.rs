@@ -123,6 +123,12 @@ fn terrain_of_ones_own_joins_by_a_manifest() {
     assert!(code == 1 && err.contains("canyon") && err.contains("--data"), "{err}");
     let (code, out, err) = answer(at, &["experiment", "run", "own.toml", "--data", "mine"]);
     assert_eq!(code, 0, "{out}{err}");
+    // What was assumed of an area is said, once.
+    assert_eq!(
+        err.matches("canyon.tif: no coordinate system is stated: its unit is taken for metres").count(),
+        1,
+        "{err}"
+    );
     let mut bytes = fs::read(at.join("mine/canyon.tif")).unwrap();
     let last = bytes.len() - 1;
     bytes[last] ^= 1;

@@ -181,7 +181,7 @@ fn oblong_cells_are_resampled_and_said_so() {
     write_ground(&at.join("wide.asc"), 50.0, 25.0);
     write_ground(&at.join("square.asc"), 25.0, 25.0);
     let said = done(at, &["extract", "wide.asc", "-o", "wide.geojson"]).all();
-    assert!(said.contains("50.00 m west-east and 25.00 m north-south"), "{said}");
+    assert!(said.contains("50 m west-east, 25 m north-south"), "{said}");
     assert!(said.contains("68x68 square cells of 35.29 m"), "{said}");
     let kept = done(at, &["extract", "wide.asc", "-o", "kept.geojson", "--keep-cells"]);
     assert!(kept.err.contains("as if they were square") && !kept.out.contains("resampled"), "{}", kept.err);

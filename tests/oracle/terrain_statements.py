@@ -54,6 +54,8 @@ def make(folder):
         "+proj=aeqd +lat_0=45 +lon_0=-100 +datum=WGS84", "+proj=stere +lat_0=90 +lat_ts=71 +lon_0=-45 +datum=WGS84",
         "+proj=sterea +lat_0=52 +lon_0=5 +k=0.9999 +ellps=bessel", "+proj=eqc +lat_ts=30 +lon_0=0 +datum=WGS84",
         "+proj=cass +lat_0=10 +lon_0=-61 +ellps=clrk66", "+proj=poly +lat_0=0 +lon_0=-54 +ellps=GRS80",
+        "EPSG:6933", "EPSG:3410", "ESRI:54009", "ESRI:54030", "+proj=cea +lat_ts=30 +datum=WGS84", "+proj=sinu +lon_0=0 +R=6371007.181",
+        "+proj=eqdc +lat_1=20 +lat_2=60 +lat_0=40 +lon_0=-96 +datum=NAD83", "+proj=moll +lon_0=-90 +datum=WGS84",
     ]
     for i, system in enumerate(systems):
         yield tif(f"system-{i}.tif", crs=system, transform=Affine(60, 0, 100000, 0, -60, 500000))
@@ -93,7 +95,8 @@ def make(folder):
         "<NoDataValue>1234</NoDataValue><Offset>5</Offset><Scale>2</Scale><UnitType>ft</UnitType></PAMRasterBand></PAMDataset>")
     yield pam
     rows = "\n".join(" ".join(map(str, row)) for row in np.where(r < 2, -9999, HEIGHTS))
-    for name, prj in [("utm", "EPSG:32611"), ("feet", "EPSG:2227"), ("none", None)]:
+    for name, prj in [("utm", "EPSG:32611"), ("feet", "EPSG:2227"), ("albers", "EPSG:5070"), ("polar", "EPSG:3413"),
+                      ("gauss", "EPSG:31467"), ("sinusoidal", "ESRI:54008"), ("none", None)]:
         path = folder / f"grid-{name}.asc"
         path.write_text(f"ncols {COLS}\nnrows {ROWS}\nxllcorner 500000\nyllcorner 4100000\ncellsize 30\nNODATA_value -9999\n{rows}\n")
         if prj:
@@ -170,4 +173,5 @@ def main():
     sys.exit(bool(failed))
 
 
-main()
+if __name__ == "__main__":
+    main()

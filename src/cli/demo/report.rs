@@ -63,7 +63,7 @@ impl Page {
         let detail = detail(patch, results)?;
         let errors = errors(patch, results)?;
         let (ssim, psnr) =
-            (scores(results, "SSIM", 3, |s| s.ssim)?, scores(results, "PSNR, dB", 2, |s| s.psnr)?);
+            (scores(results, "SSIM", 3, |s| s.ssim)?, scores(results, "PSNR, dB", 2, |s| Some(s.psnr))?);
         overview(results, &styles, &drawing)?.write_png(&out.join("overview.png"))?;
         drawing.write_png(&out.join("drawing.png"))?;
         comparison.write_png(&out.join("comparison.png"))?;
@@ -316,7 +316,10 @@ fn caption(results: &DemoResults, patch: &Rebuilt, system: &str) -> String {
     let row =
         rows.filter(|r| r.row == patch.origin.row && r.col == patch.origin.col).find(|r| r.system == system);
     match row.and_then(|r| r.scores.as_ref()) {
-        Some(s) => format!("{system}: SSIM {:.3}, {:.1} dB", s.ssim, s.psnr),
+        Some(s) => match s.ssim {
+            Some(ssim) => format!("{system}: SSIM {ssim:.3}, {:.1} dB", s.psnr),
+            None => format!("{system}: {:.1} dB", s.psnr),
+        },
         None => system.to_owned(),
     }
 }
@@ -325,14 +328,14 @@ fn scores(
     results: &DemoResults,
     quantity: &str,
     decimals: usize,
-    value: impl Fn(&crate::metrics::Scores) -> f64,
+    value: impl Fn(&crate::metrics::Scores) -> Option<f64>,
 ) -> Result<Svg> {
     let rows = &results.evaluation.rows;
     let title = format!("{}: {} patches", results.styles[0].name, results.evaluation.patches.len());
     let mut plot = ScorePlot::new(title, quantity, Better::Higher).decimals(decimals).highlight("gnn");
     for line in aggregate(rows) {
         let of_system = rows.iter().filter(|r| r.system == line.system).filter_map(|r| r.scores.as_ref());
-        plot = plot.system(line.system.clone(), of_system.map(&value).collect::<Vec<_>>());
+        plot = plot.system(line.system.clone(), of_system.filter_map(&value).collect::<Vec<_>>());
     }
     plot.draw()
 }

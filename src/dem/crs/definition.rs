@@ -1,6 +1,8 @@
 //! What a coordinate system is: kind, units, projection.
 
 use super::Ellipsoid;
+use super::missing;
+use super::other::{Other, Text, proj_string};
 use super::units::{linear_unit, unit_in_words};
 use crate::error::{Error, Result};
 use proj_core::{
@@ -29,12 +31,14 @@ pub struct Crs {
     datum: u32,
     map: Map,
     vertical: Option<f64>,
+    /// The definition, where only the second library knows the projection.
+    text: Option<Text>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Map {
     Geographic,
-    /// The projection, when it is one that can be undone; metres in a unit.
+    /// The projection, when it is one of the first library's; metres in a unit.
     Projected(Option<ProjectionMethod>, f64),
     Local(f64),
 }
@@ -42,7 +46,7 @@ enum Map {
 /// The same to whoever computes with them: names do not count.
 impl PartialEq for Crs {
     fn eq(&self, other: &Self) -> bool {
-        let facts = |c: &Self| (c.epsg, c.ellipsoid, c.base, c.datum, c.map, c.vertical);
+        let facts = |c: &Self| (c.epsg, c.ellipsoid, c.base, c.datum, c.map, c.vertical, c.text);
         facts(self) == facts(other)
     }
 }
@@ -52,7 +56,10 @@ impl Crs {
     /// 54004); `None` when the table does not have it.
     #[must_use]
     pub fn from_epsg(code: u32) -> Option<Self> {
-        let known = Self::of(&proj_core::lookup_epsg(same_as(code))?).ok()?;
+        let known = match proj_core::lookup_epsg(same_as(code)) {
+            Some(known) => Self::of(&known).ok()?,
+            None => Self::parse(&missing::definition(code)?).ok()?,
+        };
         Some(Self { epsg: Some(code), ..known })
     }
 
@@ -69,9 +76,20 @@ impl Crs {
             let unknown = || undefined(text, "the code is not in the table of coordinate systems");
             return Self::from_epsg(code).ok_or_else(unknown);
         }
-        match proj_wkt::parse_crs(text) {
-            Ok(definition) => Self::of(&definition),
-            Err(reason) => from_wkt_units(text).ok_or_else(|| undefined(text, &reason.to_string())),
+        if text.is_empty() {
+            return Err(undefined(text, "it is empty"));
+        }
+        let first = proj_wkt::parse_crs(text);
+        // The oblique projection of that name is another one than the library's.
+        let is_sure = !text.contains("PROJECTION[\"Stereographic\"]");
+        match first.map_err(|e| e.to_string()).and_then(|found| Self::of(&found).map_err(|e| e.to_string())) {
+            Ok(found) if is_sure => Ok(found),
+            other => {
+                let reason = other.err().unwrap_or_default();
+                let known = || own_code(text).and_then(Self::from_epsg);
+                let found = known().or_else(|| in_other_words(text)).or_else(|| from_wkt_units(text));
+                found.ok_or_else(|| undefined(text, &reason))
+            }
         }
     }
 
@@ -124,6 +142,7 @@ impl Crs {
         datum: 0,
         map: Map::Geographic,
         vertical: None,
+        text: None,
     };
 
     fn of(definition: &CrsDef) -> Result<Self> {
@@ -154,6 +173,7 @@ impl Crs {
             datum,
             map,
             vertical: definition.vertical_crs().map(|v| v.linear_unit_to_meter()),
+            text: None,
         })
     }
 
@@ -229,6 +249,8 @@ impl Crs {
         positive(metres)?;
         Ok(match self.map {
             Map::Projected(_, old) if old == metres => self,
+            // The text says another unit: nothing is left of it but the unit.
+            Map::Projected(None, _) => return Self::projected_in(metres),
             Map::Projected(method, _) => Self { epsg: None, map: Map::Projected(method, metres), ..self },
             Map::Local(_) => Self { map: Map::Local(metres), ..self },
             Map::Geographic => self,
@@ -248,17 +270,34 @@ impl Crs {
         format!("{name}, {unit}")
     }
 
-    /// The definition as WKT, for files. A projection that is known by its unit only becomes a local system.
+    /// The definition for files: as WKT, or as it was given where only that tells the projection. A projection that is known by
+    /// its unit only becomes a local system.
     ///
     /// # Errors
     /// When it has no form as WKT.
     pub fn wkt(&self) -> Result<String> {
+        if let Some(text) = self.text {
+            return Ok(text.given.to_owned());
+        }
         if let Map::Local(metres) | Map::Projected(None, metres) = self.map {
             return Ok(format!("LOCAL_CS[\"local\",UNIT[\"{}\",{metres}]]", unit_word(metres)));
         }
         let unwritable = |reason: &str| undefined(&self.in_words(), reason);
         let definition = self.definition().ok_or_else(|| unwritable("its ellipsoid is impossible"))?;
-        proj_wkt::to_wkt(&definition).map_err(|e| unwritable(&e.to_string()))
+        let wkt = proj_wkt::to_wkt(&definition).map_err(|e| unwritable(&e.to_string()))?;
+        // Of two projections the library's words are not those that GDAL and PROJ know.
+        Ok(match self.method() {
+            Some(ProjectionMethod::AlbersEqualArea { .. }) => wkt
+                .replace("\"Albers_Equal_Area\"", "\"Albers_Conic_Equal_Area\"")
+                .replace("\"latitude_of_origin\"", "\"latitude_of_center\"")
+                .replace("\"central_meridian\"", "\"longitude_of_center\""),
+            // The latitude of true scale takes the place of that of the pole.
+            Some(ProjectionMethod::PolarStereographic { .. }) => ["90", "-90"]
+                .iter()
+                .fold(wkt, |wkt, pole| wkt.replace(&format!("PARAMETER[\"latitude_of_origin\",{pole}],"), ""))
+                .replace("\"standard_parallel\"", "\"latitude_of_origin\""),
+            _ => wkt,
+        })
     }
 
     /// Its projection, when it can be undone.
@@ -267,6 +306,16 @@ impl Crs {
             Map::Projected(method, _) => method,
             _ => None,
         }
+    }
+
+    /// Its text, where only that tells the projection.
+    pub(super) fn text(&self) -> Option<Text> {
+        self.text
+    }
+
+    /// Whether the projection can be undone.
+    pub(super) fn can_be_undone(&self) -> bool {
+        self.text.is_some() || self.method().is_some()
     }
 
     /// As the projection library has it.
@@ -340,6 +389,32 @@ fn unit_word(metres: f64) -> String {
     }
 }
 
+/// The EPSG code that a projected system of WKT names as its own: the last thing in it.
+fn own_code(text: &str) -> Option<u32> {
+    let upper = text.to_ascii_uppercase();
+    if !upper.starts_with("PROJ") {
+        return None;
+    }
+    let words: String = upper.chars().filter(|c| !c.is_whitespace() && *c != '"').collect();
+    let (before, code) = words.strip_suffix("]]")?.rsplit_once(',')?;
+    let names = ["AUTHORITY[EPSG", "ID[EPSG"].iter().any(|mark| before.ends_with(mark));
+    code.parse().ok().filter(|_| names)
+}
+
+/// A definition that the first library does not take as it stands: as a PROJ string, else by the second library.
+fn in_other_words(text: &str) -> Option<Crs> {
+    let proj = proj_string(text)?;
+    let vertical = from_wkt_units(text).and_then(|crs| crs.vertical);
+    let first =
+        proj_wkt::parse_crs(&proj).ok().filter(|_| proj != text).and_then(|found| Crs::of(&found).ok());
+    if let Some(found) = first.filter(|found| found.kind() == CrsKind::Projected) {
+        return Some(found.with_heights(vertical));
+    }
+    let Other { text, ellipsoid, metres } = Other::new(text, &proj)?;
+    positive(metres).ok()?;
+    Some(Crs { ellipsoid, map: Map::Projected(None, metres), vertical, text: Some(text), ..Crs::UNKNOWN })
+}
+
 /// Kind and unit of a WKT whose projection is not known: the last unit of length before the heights.
 fn from_wkt_units(text: &str) -> Option<Crs> {
     let upper = text.to_ascii_uppercase();
@@ -387,89 +462,5 @@ impl<'de> serde::Deserialize<'de> for Crs {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
         Self::parse(&text).map_err(serde::de::Error::custom)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SURVEY_FOOT: f64 = 1200.0 / 3937.0;
-
-    #[test]
-    fn kinds_and_units_by_code() {
-        let of = |code| Crs::from_epsg(code).unwrap();
-        assert_eq!((of(4326).kind(), of(4326).metres_per_unit()), (CrsKind::Geographic, None));
-        assert_eq!((of(32611).kind(), of(32611).metres_per_unit()), (CrsKind::Projected, Some(1.0)));
-        // California zone 3 in US feet, Arizona in international ones, Trinidad in Clarke's, Fiji in links of Sears 1922.
-        for (code, metres) in [(2227, SURVEY_FOOT), (2223, 0.3048), (2314, 0.304_797_265_4)] {
-            let found = of(code).metres_per_unit().unwrap();
-            assert!((found / metres - 1.0).abs() < 1e-9, "{code}: {found}");
-        }
-        assert_eq!((of(54_004).epsg(), of(900_913).epsg()), (Some(54_004), Some(900_913)));
-        assert_eq!(Crs::from_epsg(32_767), None);
-        assert_eq!(Crs::from_epsg(4978), None, "geocentric coordinates are no map");
-    }
-
-    #[test]
-    fn compound_systems_say_the_unit_of_heights() {
-        let crs = Crs::parse("EPSG:26911+6360").unwrap();
-        assert!((crs.vertical_metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
-        assert_eq!(crs.metres_per_unit(), Some(1.0));
-        assert_eq!(Crs::from_epsg(26911).unwrap().vertical_metres_per_unit(), None);
-    }
-
-    const ESRI: &str = r#"PROJCS["NAD_1983_StatePlane_California_III_FIPS_0403_Feet",GEOGCS["GCS_North_American_1983",
-        DATUM["D_North_American_1983",SPHEROID["GRS_1980",6378137.0,298.257222101]],PRIMEM["Greenwich",0.0],
-        UNIT["Degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic"],PARAMETER["False_Easting",6561666.666666666],
-        PARAMETER["False_Northing",1640416.666666667],PARAMETER["Central_Meridian",-120.5],
-        PARAMETER["Standard_Parallel_1",37.06666666666667],PARAMETER["Standard_Parallel_2",38.43333333333333],
-        PARAMETER["Latitude_Of_Origin",36.5],UNIT["Foot_US",0.3048006096012192]]"#;
-
-    #[test]
-    fn wkt_and_proj_strings_are_read_and_come_back() {
-        for text in [
-            ESRI,
-            "+proj=merc +lon_0=0 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m",
-            "+proj=lcc +lat_1=33 +lat_2=45 +lat_0=39 +lon_0=-96 +datum=NAD83 +units=us-ft",
-            "+proj=stere +lat_0=90 +lat_ts=70 +lon_0=-45 +datum=WGS84",
-            "+proj=longlat +R=1737400",
-            r#"LOCAL_CS["unnamed",UNIT["foot",0.3048,AUTHORITY["EPSG","9002"]]]"#,
-        ] {
-            let crs = Crs::parse(text).unwrap();
-            let wkt = crs.wkt().unwrap();
-            assert_eq!(Crs::parse(&wkt).unwrap(), crs, "{wkt}");
-        }
-        assert!((Crs::parse(ESRI).unwrap().metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
-        let moon = Crs::parse("+proj=longlat +R=1737400").unwrap();
-        assert_eq!(moon.ellipsoid(), Ellipsoid { semi_major: 1_737_400.0, flattening: 0.0 });
-    }
-
-    /// A projection that the library cannot undo: its unit counts all the same.
-    #[test]
-    fn the_unit_of_an_unknown_projection_is_read() {
-        let unknown = ESRI.replace("Lambert_Conformal_Conic", "Bonne");
-        let crs = Crs::parse(&unknown).unwrap();
-        assert_eq!((crs.kind(), crs.method()), (CrsKind::Projected, None));
-        assert!((crs.metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
-        let heights = format!(
-            r#"COMPD_CS["both",{unknown},VERT_CS["NAVD88 height (ft)",VERT_DATUM["NAVD88",2005],UNIT["foot",0.3048]]]"#
-        );
-        let both = Crs::parse(&heights).unwrap();
-        assert_eq!(both.vertical_metres_per_unit(), Some(0.3048));
-        assert!((both.metres_per_unit().unwrap() / SURVEY_FOOT - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn what_is_not_understood_is_said() {
-        for text in ["", "meters", "EPSG:1", "PROJCS[", "+proj=nothing", "GEOGCS[\"x\"]"] {
-            let message = Crs::parse(text).unwrap_err().to_string();
-            assert!(message.contains("coordinate system") && message.contains("allowed"), "{message}");
-        }
-        assert!(Crs::local(0.0).is_err() && Crs::projected_in(f64::NAN).is_err());
-        assert_eq!(
-            Crs::from_epsg(2227).unwrap().in_words(),
-            "EPSG:2227 (NAD83 / California zone 3 (ftUS)), US survey foot (0.3048006096 m)"
-        );
     }
 }

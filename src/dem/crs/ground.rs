@@ -6,10 +6,11 @@
 //! they are, beyond that they are corrected and a note says so. One cell size stands for the whole raster: over one degree
 //! at 45 N the true width changes by 1.7 %.
 
+use super::inverse::Inverse;
 use super::{Crs, CrsKind};
 use crate::dem::{CellSize, Georeference};
 use crate::error::{Error, Result};
-use proj_core::{ProjectionMethod, Transform};
+use proj_core::ProjectionMethod;
 
 /// Radius of the sphere behind web mercator, metres (EPSG 3857: the semi-major axis of WGS 84).
 const MERCATOR_RADIUS: f64 = 6_378_137.0;
@@ -93,7 +94,7 @@ impl Georeference {
                 let notes = corrected("web mercator", on_map, cell_size);
                 Ok(Ground { cell_size, assumed: false, notes })
             }
-            Some(_) => {
+            _ if crs.can_be_undone() => {
                 let (cell_size, angle) = measured(&crs, self.transform, (x, y))?;
                 let mut notes = Vec::new();
                 if (angle - 90.0).abs() > SLANT {
@@ -108,10 +109,10 @@ impl Georeference {
                 notes.extend(corrected("the projection", on_map, cell_size));
                 Ok(Ground { cell_size, assumed: false, notes })
             }
-            None if crs.kind() == CrsKind::Local => {
+            _ if crs.kind() == CrsKind::Local => {
                 Ok(Ground { cell_size: on_map, assumed: false, notes: Vec::new() })
             }
-            None => {
+            _ => {
                 let note = "the projection is not known: lengths on the map are taken for lengths on the ground \
                             (--cell-size overrules)";
                 Ok(Ground { cell_size: on_map, assumed: false, notes: vec![note.to_owned()] })
@@ -128,7 +129,7 @@ impl Georeference {
         };
         let note = format!(
             "{why}: its unit is taken for metres, cells for {} (--cell-size overrules)",
-            in_metres(cell_size)
+            cell_size.in_words()
         );
         Ok(Ground { cell_size, assumed: true, notes: vec![note] })
     }
@@ -179,12 +180,11 @@ fn measured(crs: &Crs, [a, b, _, d, e, _]: [f64; 6], (x, y): (f64, f64)) -> Resu
             format!("not a place of that system ({reason}): say how large cells are with --cell-size M"),
         )
     };
-    let (from, to) = crs.with_base().ok_or_else(|| outside(&"its definition is incomplete"))?;
-    let inverse = Transform::from_crs_defs(&from, &to).map_err(|e| outside(&e))?;
+    let inverse = Inverse::of(crs).map_err(|e| outside(&e))?;
     // A kilometre: far above the error of the inverse (below a millimetre), far below where curvature counts.
     let step = 1000.0 / crs.metres_per_unit().unwrap_or(1.0);
     let point = |x: f64, y: f64| -> Result<[f64; 3]> {
-        let (longitude, latitude) = inverse.convert((x, y)).map_err(|e| outside(&e))?;
+        let (longitude, latitude) = inverse.degrees((x, y)).map_err(|e| outside(&e))?;
         Ok(crs.ellipsoid().point(longitude, latitude))
     };
     // The way of one cell along (dx, dy), as a vector in space: at a pole longitudes have no derivative, places do.
@@ -207,7 +207,7 @@ fn measured(crs: &Crs, [a, b, _, d, e, _]: [f64; 6], (x, y): (f64, f64)) -> Resu
 }
 
 fn corrected(what: &str, on_map: CellSize, on_ground: CellSize) -> Vec<String> {
-    let (map, ground) = (in_metres(on_map), in_metres(on_ground));
+    let (map, ground) = (on_map.in_words(), on_ground.in_words());
     if map == ground {
         return Vec::new();
     }
@@ -226,16 +226,6 @@ fn check_angle(across: [f64; 2], down: [f64; 2]) -> Result<()> {
         format!("skewed: rows and columns meet at {:.2} degrees", cosine.acos().to_degrees()),
         "allowed: a right angle; --cell-size says how large cells are",
     ))
-}
-
-/// A cell's sides for people.
-fn in_metres(size: CellSize) -> String {
-    let text = |v: f64| {
-        let text = format!("{v:.2}");
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    };
-    let (x, y) = (text(size.x()), text(size.y()));
-    if x == y { format!("{x} m") } else { format!("{x} x {y} m") }
 }
 
 #[cfg(test)]

@@ -8,6 +8,11 @@
 mod definition;
 mod ellipsoid;
 mod ground;
+mod inverse;
+mod missing;
+mod other;
+#[cfg(test)]
+mod tests;
 mod units;
 
 pub(in crate::dem) use definition::same_as;

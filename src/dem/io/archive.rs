@@ -21,11 +21,11 @@ pub(super) fn raster_in(path: &Path, bytes: &[u8]) -> Result<(String, Vec<u8>, V
         Error::file(path, "zip archive", e, "allowed: a whole one, deflated or stored, without a password")
     };
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
-    let names: Vec<String> = archive.file_names().map(str::to_owned).collect();
-    let raster = |name: &&String| {
-        let base = name.rsplit('/').next().unwrap_or(name);
-        !base.starts_with("._") && Format::of_extension(Path::new(base)).is_some()
-    };
+    // macOS packs a shadow of every file beside it.
+    let is_shadow = |name: &str| name.split('/').any(|part| part == "__MACOSX" || part.starts_with("._"));
+    let names: Vec<String> =
+        archive.file_names().filter(|name| !is_shadow(name)).map(str::to_owned).collect();
+    let raster = |name: &&String| Format::of_extension(Path::new(name.as_str())).is_some();
     let rasters: Vec<&String> = names.iter().filter(raster).collect();
     let [name] = rasters[..] else {
         let found = match rasters.len() {

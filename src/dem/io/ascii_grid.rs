@@ -232,7 +232,7 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
     let band = sidecars.band(0);
     let declared = match (band.nodata, options.nodata) {
         (Some(beside), _) => Some(beside),
-        (None, Nodata::AsDeclared) => header.nodata(path, said)?,
+        (None, Nodata::AsDeclared | Nodata::Numbers) => header.nodata(path, said)?,
         (None, _) => None,
     };
     let unit = sidecars.metres_per_height(path, &band, None, options, said)?;

@@ -58,6 +58,12 @@ impl Format {
             // An .hgt has no magic number, so that its first heights may look like any.
             (_, Some(Self::Hgt)) => Ok(Self::Hgt),
             (Some(format), _) => Ok(format),
+            _ if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") => {
+                Err(Error::file(path, "text", "in UTF-16", "allowed: UTF-8; save it in that encoding"))
+            }
+            _ if bytes.is_empty() => {
+                Err(Error::file(path, "content", "empty", "0 bytes: nothing was written to it"))
+            }
             (None, Some(Self::AsciiGrid)) => Ok(Self::AsciiGrid),
             (None, Some(claimed)) => {
                 Err(Error::file(path, "first bytes", show(bytes), format!("{claimed} starts otherwise")))
@@ -95,9 +101,6 @@ fn starts_like_ascii_grid(bytes: &[u8]) -> bool {
 }
 
 fn show(bytes: &[u8]) -> String {
-    if bytes.is_empty() {
-        return "nothing: the file is empty".to_owned();
-    }
     format!("\"{}\"", bytes[..bytes.len().min(8)].escape_ascii())
 }
 

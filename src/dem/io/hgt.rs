@@ -8,7 +8,7 @@ use super::numbers::NumberType;
 use super::place::{Place, Said};
 use super::reading::Source;
 use super::samples::{Rule, Samples};
-use super::{Description, Format, Nodata, ReadOptions};
+use super::{Description, Format};
 use crate::dem::{Dem, RasterSpace};
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -49,14 +49,7 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
         }
     };
     let settled = place.settle(path, options, sidecars, (rows, cols), |_| None, said)?;
-    let options = match options.nodata {
-        Nodata::AsDeclared => ReadOptions { nodata: Nodata::Value(VOID), ..*options },
-        _ => *options,
-    };
-    let rule = Rule::new(path, &options, None, 1.0)?;
-    // The format fixes the marker: others are as strange as beside one that a file declares.
-    let rule = if source.options.nodata == Nodata::AsDeclared { rule.strict() } else { rule };
-    let mut samples = Samples::new(rows, cols, rule);
+    let mut samples = Samples::new(rows, cols, Rule::new(path, options, Some(VOID), 1.0)?);
     NumberType::I16.each(bytes, true, |i, value| samples.set(i, value));
     samples.flip(settled.flip_rows, settled.flip_cols);
     let description = Description::new(Format::Hgt, "i16", "", &settled);
@@ -78,14 +71,8 @@ fn corner(path: &Path) -> Result<(f64, f64), String> {
         (Some(latitude), Some(longitude), Some(rest)) => (latitude, longitude, rest),
         _ => return Err("it names no corner".to_owned()),
     };
-    if !rest.is_empty() {
-        return Err(format!("{rest:?} after the corner is not understood: perhaps a part of a degree"));
-    }
     let resolution =
         |word: &str| matches!(word, "1ARC" | "3ARC" | "1" | "3" | "13" | "V1" | "V2" | "V3" | "V4");
-    if let Some(strange) = words.find(|word| !PRODUCTS.contains(word) && !resolution(word)) {
-        return Err(format!("{strange:?} after the corner is not understood"));
-    }
     let degrees = |text: &str, negative: char, positive: char, most: u16| {
         let mut letters = text.chars();
         let sign = match letters.next() {
@@ -99,10 +86,16 @@ fn corner(path: &Path) -> Result<(f64, f64), String> {
     };
     let latitude =
         degrees(latitude, 'S', 'N', 89).or_else(|| degrees(latitude, 'S', 'N', 90).filter(|l| *l < 0.0));
-    match (latitude, degrees(longitude, 'W', 'E', 180)) {
-        (Some(latitude), Some(longitude)) => Ok((latitude, longitude)),
-        _ => Err("it names no corner".to_owned()),
+    let (Some(latitude), Some(longitude)) = (latitude, degrees(longitude, 'W', 'E', 180)) else {
+        return Err("it names no corner".to_owned());
+    };
+    if !rest.is_empty() {
+        return Err(format!("{rest:?} after the corner is not understood: perhaps a part of a degree"));
     }
+    if let Some(strange) = words.find(|word| !PRODUCTS.contains(word) && !resolution(word)) {
+        return Err(format!("{strange:?} after the corner is not understood"));
+    }
+    Ok((latitude, longitude))
 }
 
 fn place(latitude: f64, longitude: f64, rows: usize, cols: usize) -> Place {

@@ -97,8 +97,16 @@ pub(super) fn check(
     let (low, high) = ends(heights, valid, &peeled);
     let (low, high) = (low.first, -high.first);
     if low.is_finite() && !(EARTH.contains(&low) && EARTH.contains(&high)) {
+        let units = [(0.3048, "feet"), (0.1, "decimetres"), (0.01, "centimetres"), (0.001, "millimetres")];
+        let fits = |unit: f64| EARTH.contains(&(low * unit)) && EARTH.contains(&(high * unit));
+        let remedy = match units.into_iter().find(|(unit, _)| fits(*unit)) {
+            Some((unit, name)) => format!("--metres-per-unit {unit} if they are {name}"),
+            None => "is it another unit, --metres-per-unit M, or another byte order?".to_owned(),
+        };
         said.warnings.push(format!(
-            "heights from {low} to {high} m: ground lies between {} and {} m (--metres-per-unit 0.3048 if they are feet)",
+            "heights from {} to {} m: ground lies between {} and {} m ({remedy})",
+            low as f32,
+            high as f32,
             EARTH.start(),
             EARTH.end()
         ));
@@ -130,7 +138,8 @@ impl Lonely {
     fn tell(&self, path: &Path, rule: &Rule, (low, high): (f64, f64), said: &mut Said) -> Result<()> {
         let Self { stored, count, .. } = *self;
         let cells = if count == 1 { "1 cell".to_owned() } else { format!("{count} cells") };
-        let others = format!("far from all other heights ({low} to {high} m)");
+        // With the digits of the file, which has them in single precision.
+        let others = format!("far from all other heights ({} to {} m)", low as f32, high as f32);
         // What is void already stays so.
         let keep = match rule.nodata().filter(|v| v.is_finite()) {
             Some(declared) => format!("{declared},{stored}"),
@@ -214,5 +223,30 @@ mod tests {
         assert_eq!(plain([vec![0.0; 40], vec![3000.0; 40]].concat()).len(), 1);
         let mars = plain((0..900u16).map(|i| 25.0 * f32::from(i)).collect());
         assert!(mars.len() == 1 && mars[0].contains("0 to 22475"), "{mars:?}");
+    }
+
+    /// Heights that are none of metres: in which unit they would fit, when in any.
+    #[test]
+    fn strange_ranges_are_told_with_a_remedy() {
+        let warned = |lowest: f32, step: f32| {
+            let heights: Vec<f32> = (0..900u16).map(|i| lowest + step * f32::from(i)).collect();
+            let (path, mut said) = (Path::new("x"), Said::default());
+            let rule = Rule::new(path, &ReadOptions::default(), None, 1.0).unwrap();
+            check(path, &rule, &heights, &vec![true; heights.len()], &mut said).unwrap();
+            said.warnings.join("; ")
+        };
+        for (lowest, step, remedy) in [
+            (10_000.0, 15.0, "--metres-per-unit 0.3048 if they are feet"),
+            (31_000.0, 50.0, "--metres-per-unit 0.1 if they are decimetres"),
+            (155_002.0, 20.0, "--metres-per-unit 0.01 if they are centimetres"),
+            (-32_000.0, 60.0, "--metres-per-unit 0.3048"),
+            (-900_000.0, 2000.0, "--metres-per-unit 0.01"),
+        ] {
+            let said = warned(lowest, step);
+            assert!(said.contains(remedy), "{lowest}: {said}");
+        }
+        assert!(warned(-90_000_000.0, 200_000.0).contains("byte order"), "nothing fits");
+        // With the digits that the file has, not those of a wider float.
+        assert!(warned(20_000.1, 1.0).contains("heights from 20000.1 to"), "{}", warned(20_000.1, 1.0));
     }
 }

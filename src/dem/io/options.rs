@@ -16,6 +16,9 @@ pub enum Nodata {
     Either([f64; 2]),
     /// None: every finite number is a height, and masks and transparency are left aside.
     None,
+    /// What the file declares, and the other numbers may be any: they are no heights, but a mask, or do not count.
+    /// Nothing is said about strange ones.
+    Numbers,
 }
 
 /// What the reader cannot find in the file, or shall overrule. The default takes everything from the file.

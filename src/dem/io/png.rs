@@ -170,7 +170,9 @@ pub(super) fn read(source: &Source<'_>, bytes: &[u8], said: &mut Said) -> Result
     if let Some(transparent) = &levels.transparent {
         hide(&mut samples, options, "alpha channel", |i| !transparent[i], said);
     }
-    said.notes.push(format!("levels span {} to {} m", range.low(), range.high()));
+    if options.nodata != Nodata::Numbers {
+        said.notes.push(format!("levels span {} to {} m", range.low(), range.high()));
+    }
     if let (None, Some(level), Nodata::AsDeclared) = (&record, levels.transparent_level, options.nodata) {
         said.notes.push(format!("level {level} is transparent: void"));
     }

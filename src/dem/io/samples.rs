@@ -59,6 +59,8 @@ pub(super) struct Rule {
     single_precision: bool,
     /// Nobody but the file says which numbers are voids, so that strange ones are refused and not only told.
     strict: bool,
+    /// The numbers are heights, and checked to be such.
+    heights: bool,
     scale: f64,
     offset: f64,
 }
@@ -67,7 +69,7 @@ impl Rule {
     /// `declared`: the file's own nodata number. `unit`: the file's own vertical unit in metres.
     pub(super) fn new(path: &Path, options: &ReadOptions, declared: Option<f64>, unit: f64) -> Result<Self> {
         let nodata = match options.nodata {
-            Nodata::AsDeclared => [declared, None],
+            Nodata::AsDeclared | Nodata::Numbers => [declared, None],
             Nodata::Value(value) => [Some(value), None],
             Nodata::Either(values) => values.map(Some),
             Nodata::None => [None; 2],
@@ -77,7 +79,8 @@ impl Rule {
             return Err(Error::value("metres per unit", scale, "allowed: finite and not 0").in_file(path));
         }
         let strict = options.nodata == Nodata::AsDeclared;
-        Ok(Self { nodata, single_precision: false, strict, scale, offset: 0.0 })
+        let heights = options.nodata != Nodata::Numbers;
+        Ok(Self { nodata, single_precision: false, strict, heights, scale, offset: 0.0 })
     }
 
     /// With GDAL's scale and offset of the band, applied before the unit.
@@ -103,12 +106,6 @@ impl Rule {
     /// Whether strange numbers are refused.
     pub(super) fn is_strict(&self) -> bool {
         self.strict
-    }
-
-    /// Refused although the caller's options name a number.
-    pub(super) fn strict(mut self) -> Self {
-        self.strict = true;
-        self
     }
 
     /// Told rather than refused: the numbers have no other meaning than that of heights.
@@ -157,7 +154,7 @@ impl Samples {
             return;
         }
         let metres = value * self.rule.scale + self.rule.offset;
-        if metres.abs() > MAX_HEIGHT {
+        if self.rule.heights && metres.abs() > MAX_HEIGHT {
             self.absurd.get_or_insert((index, value, 0)).2 += 1;
             return;
         }
@@ -208,7 +205,9 @@ impl Samples {
                 ),
             ));
         }
-        markers::check(path, &self.rule, &self.heights, &self.valid, said)?;
+        if self.rule.heights {
+            markers::check(path, &self.rule, &self.heights, &self.valid, said)?;
+        }
         let heights = Grid::from_vec(self.rows, self.cols, self.heights)?;
         let valid = Grid::from_vec(self.rows, self.cols, self.valid)?;
         Dem::with_voids(heights, valid, cell_size).map_err(|e| e.in_file(path))

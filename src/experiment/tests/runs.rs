@@ -374,7 +374,7 @@ exemplar = [64, 64, 64]
     let training = style.network().unwrap().training();
     let value = |row: usize, name: &str| table.rows[row].values[table.column(name).unwrap()];
     let near = |a: f64, b: f64| assert!((a - b).abs() <= 1e-6 * b.abs(), "{a} {b}");
-    near(value(0, "ssim").unwrap(), training.ssim);
+    near(value(0, "ssim").unwrap(), training.ssim.unwrap());
     near(value(0, "psnr").unwrap(), training.psnr);
     near(value(0, "l_gt").unwrap(), training.l_gt);
     let last = training.history.last().unwrap().losses;

@@ -115,7 +115,8 @@ fn check_system(target: &Georeference, named: Option<&NamedSystem>, notes: &mut 
         (None, None) => Ok(()),
         (Some(found), None) => {
             notes.say(format!(
-                "The file names the coordinate system {found}, the map none: the sketch's coordinates are taken as the map's."
+                "The file names the coordinate system {found}, the map none: the sketch's coordinates are taken as the map's \
+                 (--crs CODE says which it is)."
             ));
             Ok(())
         }

@@ -181,7 +181,7 @@ fn is_blank(value: &Value) -> bool {
 /// Ridge or valley, in any case; plural and "ridge line" too.
 fn kind_in(value: &Value) -> Option<StrokeKind> {
     let text = value.as_str()?.to_lowercase();
-    let word: String = text.chars().filter(|c| !matches!(c, ' ' | '_' | '-')).collect();
+    let word: String = text.chars().filter(|c| !(c.is_whitespace() || matches!(c, '_' | '-'))).collect();
     match word.trim_end_matches('s').trim_end_matches("line") {
         "ridge" => Some(StrokeKind::Ridge),
         "valley" => Some(StrokeKind::Valley),
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn kinds_are_words_in_any_case() {
-        for word in ["ridge", "RIDGE", " Ridges ", "ridge line", "Ridge_Lines", "ridgeline"] {
+        for word in ["ridge", "RIDGE", " Ridges ", "ridge\n", "ridge line", "Ridge_Lines", "ridgeline"] {
             assert_eq!(kind_in(&json!(word)), Some(StrokeKind::Ridge), "{word}");
         }
         for word in ["Valley", "valleys", "valley-line"] {

@@ -70,8 +70,8 @@ pub struct TrainingSummary {
     pub preparation_seconds: f64,
     /// Median seconds of an epoch.
     pub seconds_per_epoch: f64,
-    /// SSIM of the exemplar rebuilt from its own lines.
-    pub ssim: f64,
+    /// SSIM of the exemplar rebuilt from its own lines; `None` where voids leave no window of 11x11 cells.
+    pub ssim: Option<f64>,
     /// PSNR of the same, decibels.
     pub psnr: f64,
     /// l_gt of the same: mean squared error in the unit interval.
@@ -156,11 +156,13 @@ impl Part for RegionNetwork {
 
     fn account(&self) -> Account {
         let t = &self.training;
+        let ssim = t.ssim.map(|ssim| format!("SSIM {ssim:.4}, ")).unwrap_or_default();
         let text = format!(
-            "{} epochs in {:.1} s ({:.3} s each); exemplar rebuilt with SSIM {:.4}, PSNR {:.2} dB, l_gt {:.2e}",
-            t.epochs, t.seconds, t.seconds_per_epoch, t.ssim, t.psnr, t.l_gt
+            "{} epochs in {:.1} s ({:.3} s each); exemplar rebuilt with {ssim}PSNR {:.2} dB, l_gt {:.2e}",
+            t.epochs, t.seconds, t.seconds_per_epoch, t.psnr, t.l_gt
         );
-        let figures = vec![("SSIM", t.ssim), ("PSNR", t.psnr), ("l_gt", t.l_gt)];
+        let figures = t.ssim.map(|ssim| ("SSIM", ssim)).into_iter();
+        let figures = figures.chain([("PSNR", t.psnr), ("l_gt", t.l_gt)]).collect();
         Account { text, seconds: t.seconds, figures }
     }
 
@@ -271,7 +273,7 @@ fn summary(record: TrainingRecord, rebuilt: &Grid<f32>, drawn: &DrawnExemplar) -
         seconds: record.seconds,
         preparation_seconds: record.preparation_seconds,
         seconds_per_epoch: record.seconds_per_epoch,
-        ssim: ssim(&rebuilt, truth, valid, 1.0)?,
+        ssim: ssim(&rebuilt, truth, valid, 1.0).ok(),
         psnr,
         l_gt: 10f64.powf(-psnr / 10.0),
         peak_memory: machine::peak_memory(),

@@ -8,6 +8,7 @@
 //! strips in memory.
 
 use super::super::{SampleType, WriteOptions};
+use super::georeference::WORDS;
 use super::{key, metadata, projection, tag};
 use crate::dem::crs::{Crs, CrsKind, Ellipsoid, same_as, unit_code};
 use crate::dem::{Dem, Georeference, RasterSpace};
@@ -262,8 +263,11 @@ impl Keys {
                     // No keys say what it is: its lengths are kept, and its words.
                     (None, None) => {
                         self.short(key::MODEL_TYPE, key::USER_DEFINED);
-                        if let Ok(wkt) = crs.wkt() {
-                            self.text(key::CITATION, &wkt.replace('|', " "));
+                        if let Ok(words) = crs.wkt().map(|words| words.replace('|', " ")) {
+                            match words.starts_with("PROJCS[") {
+                                true => self.text(key::PROJECTED_CITATION, &format!("{WORDS}{words}")),
+                                false => self.text(key::CITATION, &words),
+                            }
                         }
                     }
                 }

@@ -12,6 +12,9 @@ use crate::dem::io::place::{Place, Said, unless_given};
 use crate::error::{Error, Result};
 use std::path::Path;
 
+/// What stands before Esri's WKT in the text of a key.
+pub(super) const WORDS: &str = "ESRI PE String = ";
+
 /// Two statements of one unit may differ by this much.
 const SAME_UNIT: f64 = 1e-6;
 
@@ -180,7 +183,10 @@ impl Keys {
             }
             Some(code @ (key::PROJECTED | key::GEOGRAPHIC)) => code,
             _ if self.code(key::PROJECTED_CRS).is_some() => key::PROJECTED,
-            _ if self.code(key::GEODETIC_CRS).is_some() => key::GEOGRAPHIC,
+            // User-defined systems in lengths name the one below them too.
+            _ if self.code(key::GEODETIC_CRS).is_some() && self.code(key::LINEAR_UNITS).is_none() => {
+                key::GEOGRAPHIC
+            }
             _ => 0,
         };
         if model == key::GEOGRAPHIC {
@@ -191,7 +197,10 @@ impl Keys {
         let stated =
             self.linear_unit(path, key::LINEAR_UNITS, Some(key::LINEAR_UNIT_SIZE), "--cell-size M")?;
         if model == 0 {
-            let definition = stated.map(Crs::local).transpose().map_err(|e| e.in_file(path))?;
+            let definition = match self.words() {
+                Some(crs) => Some(crs),
+                None => stated.map(Crs::local).transpose().map_err(|e| e.in_file(path))?,
+            };
             return Ok(System { definition, ..System::default() });
         }
         let (epsg, definition) = self.projected(path, stated, said)?;
@@ -249,13 +258,30 @@ impl Keys {
                     1.0
                 });
                 let code = self.code(key::PROJECTION).unwrap_or(0);
-                let crs = match projection::method(code, |key| self.double(key), metres) {
-                    Some(method) => Crs::projected(method, metres, &self.base(path)?),
-                    None => Crs::projected_in(metres),
-                };
-                Ok((None, Some(crs.map_err(|e| e.in_file(path))?)))
+                let get = |key| self.double(key);
+                if let Some(method) = projection::method(code, get, metres) {
+                    let crs = Crs::projected(method, metres, &self.base(path)?);
+                    return Ok((None, Some(crs.map_err(|e| e.in_file(path))?)));
+                }
+                let other = projection::proj_string(code, get, metres, self.base(path)?.ellipsoid());
+                let crs = self.words().or_else(|| Crs::parse(&other?).ok());
+                Ok((
+                    None,
+                    Some(crs.map_or_else(|| Crs::projected_in(metres), Ok).map_err(|e| e.in_file(path))?),
+                ))
             }
         }
+    }
+
+    /// The system that the file's texts define: Esri's WKT, as GDAL writes it where no keys say what a projection is, or a
+    /// PROJ string.
+    fn words(&self) -> Option<Crs> {
+        let of =
+            |mark: &str| self.text.split('|').find_map(|text| text.split_once(mark).map(|(_, words)| words));
+        let found = of(WORDS).and_then(|wkt| Crs::parse(wkt).ok());
+        let found =
+            found.or_else(|| Crs::parse(self.text.split('|').find(|text| text.starts_with("+proj="))?).ok());
+        found.filter(|crs| crs.kind() == CrsKind::Projected)
     }
 
     /// The geographic system below a projection that no code names.

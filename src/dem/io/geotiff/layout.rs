@@ -273,7 +273,12 @@ fn number_type(path: &Path, directory: &Directory<'_>) -> Result<(NumberKind, Nu
     let numbers = (bits <= 64 && bits % 8 == 0).then(|| NumberType::new(kind, bits as usize / 8)).flatten();
     let numbers = numbers.ok_or_else(|| {
         let allowed = if kind == NumberKind::Float { "16, 32 or 64 for floats" } else { "8, 16, 32 or 64" };
-        Error::file(path, "BitsPerSample", bits, format!("allowed: {allowed}"))
+        Error::file(
+            path,
+            "BitsPerSample",
+            bits,
+            format!("allowed: {allowed} (gdal_translate -ot Float32 converts)"),
+        )
     })?;
     Ok((kind, numbers))
 }

@@ -57,7 +57,7 @@ impl Metadata {
         said: &mut Said,
     ) -> Result<Self> {
         let nodata = match options.nodata {
-            Nodata::AsDeclared => {
+            Nodata::AsDeclared | Nodata::Numbers => {
                 declared(path, &directory.text(tag::GDAL_NODATA)?.unwrap_or_default(), said)?
             }
             _ => None,

@@ -96,6 +96,7 @@ mod key {
     pub(super) const SEMI_MINOR_AXIS: u16 = 2058;
     pub(super) const INVERSE_FLATTENING: u16 = 2059;
     pub(super) const PROJECTED_CRS: u16 = 3072;
+    pub(super) const PROJECTED_CITATION: u16 = 3073;
     pub(super) const LINEAR_UNITS: u16 = 3076;
     pub(super) const LINEAR_UNIT_SIZE: u16 = 3077;
     pub(super) const PROJECTION_CRS: u16 = 3074;

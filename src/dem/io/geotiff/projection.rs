@@ -3,6 +3,7 @@
 //! In: keys. Out: a projection, and back. False eastings and northings are in the file's linear unit there, in metres here.
 
 use super::key;
+use crate::dem::crs::Ellipsoid;
 use proj_core::ProjectionMethod as Method;
 
 /// Values of `ProjMethodGeoKey`.
@@ -19,6 +20,43 @@ mod code {
     pub(super) const EQUIRECTANGULAR: u16 = 17;
     pub(super) const CASSINI: u16 = 18;
     pub(super) const POLYCONIC: u16 = 22;
+}
+
+/// A projection of which the first library knows nothing, as a PROJ string.
+pub(super) fn proj_string(
+    projection: u16,
+    get: impl Fn(u16) -> Option<f64>,
+    metres: f64,
+    ellipsoid: Ellipsoid,
+) -> Option<String> {
+    let (name, parallel) = match projection {
+        13 => ("eqdc", "lat_1"),
+        14 => ("stere", "lat_ts"),
+        19 => ("gnom", "lat_1"),
+        20 => ("mill", "lat_1"),
+        21 => ("ortho", "lat_1"),
+        23 => ("robin", "lat_1"),
+        24 => ("sinu", "lat_1"),
+        28 => ("cea", "lat_ts"),
+        _ => return None,
+    };
+    let parameters = [
+        ("lon_0", &[key::ORIGIN_LONG, key::FALSE_ORIGIN_LONG, key::CENTER_LONG][..], 1.0),
+        ("lat_0", &[key::ORIGIN_LAT, key::FALSE_ORIGIN_LAT, key::CENTER_LAT], 1.0),
+        (parallel, &[key::PARALLEL_1], 1.0),
+        ("lat_2", &[key::PARALLEL_2], 1.0),
+        ("k_0", &[key::ORIGIN_SCALE, key::CENTER_SCALE], 1.0),
+        ("x_0", &[key::FALSE_EASTING, key::FALSE_ORIGIN_EASTING, key::CENTER_EASTING], metres),
+        ("y_0", &[key::FALSE_NORTHING, key::FALSE_ORIGIN_NORTHING, key::CENTER_NORTHING], metres),
+    ];
+    let mut text = format!("+proj={name}");
+    for (parameter, keys, unit) in parameters {
+        if let Some(value) = keys.iter().find_map(|&key| get(key)) {
+            text += &format!(" +{parameter}={}", value * unit);
+        }
+    }
+    let Ellipsoid { semi_major, flattening } = ellipsoid;
+    Some(format!("{text} +a={semi_major} +b={} +to_meter={metres}", semi_major * (1.0 - flattening)))
 }
 
 /// The projection of a code whose parameters `get` knows by key; `metres`: those in a unit of length.
