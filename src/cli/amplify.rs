@@ -22,9 +22,9 @@ pub(super) struct AmplifyArgs {
     style: PathBuf,
     #[command(flatten)]
     dem: DemInput,
-    /// New cells along the side of an old one: 2, 4 or 8
+    /// New cells along the side of an old one: 2, 4, 8 or 16; with sparse detail up to 256
     #[arg(long, value_name = "N", value_parser = factor)]
-    factor: u8,
+    factor: usize,
     /// The terrain to write
     #[arg(short, long)]
     output: PathBuf,
@@ -33,13 +33,9 @@ pub(super) struct AmplifyArgs {
     strength: f32,
 }
 
-fn factor(text: &str) -> Result<u8, String> {
-    match text.trim() {
-        "2" => Ok(2),
-        "4" => Ok(4),
-        "8" => Ok(8),
-        _ => Err("allowed: 2, 4, 8".to_owned()),
-    }
+fn factor(text: &str) -> Result<usize, String> {
+    let factor = text.trim().parse().ok().filter(|n: &usize| n.is_power_of_two() && (2..=256).contains(n));
+    factor.ok_or_else(|| "allowed: 2, 4, 8, 16, 32, 64, 128, 256".to_owned())
 }
 
 /// Runs the verb.
@@ -56,7 +52,7 @@ pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
     let detail = style.needed_detail().map_err(|e| e.in_file(&args.style))?;
     let dem = args.dem.load(&context.console)?;
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
-    let factor = usize::from(args.factor);
+    let factor = args.factor;
     let fine =
         amplify(&dem, &**detail, style.origin.normalization, factor, &how, context.seed, &context.stop())?;
     io::write(&fine, &args.output, &WriteOptions::default())?;
