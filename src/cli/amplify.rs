@@ -14,9 +14,11 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   monadnock amplify alps.safetensors coarse.tif --factor 4 -o fine.tif
   monadnock --seed 7 amplify alps.safetensors coarse.tif --factor 2 -o other.tif --strength 0.7
+  monadnock amplify sparse.safetensors painted.png --elevation 0,2000 --cell-size 640 --factor 64 -o canyon.tif
 
 Every cell becomes FACTOR x FACTOR cells. Forms of the size of the old cells and larger stay; smaller ones are the style's,
-as rough as the terrain itself is beside the style's exemplar. Cell size and georeference follow; voids stay voids.")]
+as rough as the terrain itself is beside the style's exemplar. Cell size and georeference follow; voids stay voids. With
+sparse detail the terrain, shrunk again, is the input, and every seed gives the same.")]
 pub(super) struct AmplifyArgs {
     /// The style, as written by `train`
     style: PathBuf,

@@ -49,8 +49,6 @@ pub(crate) struct LearningConfig {
 pub(crate) struct Learned {
     /// The atoms.
     pub(crate) dictionary: Dictionary,
-    /// The codes of the signals.
-    pub(crate) codes: Codes,
     /// The signal that each atom is; constrained form only.
     pub(crate) chosen: Option<Vec<usize>>,
     /// Squared error of all signals after every round, the first with the signals that were drawn.
@@ -124,7 +122,7 @@ pub(crate) fn learn(
         }
     }
     let chosen = inner.is_some().then_some(chosen);
-    Ok(Learned { dictionary, codes, chosen, errors })
+    Ok(Learned { dictionary, chosen, errors })
 }
 
 /// What the codes leave of the signals, (n, K).
