@@ -37,6 +37,7 @@ pub mod interpolation;
 #[doc(hidden)]
 pub mod landscape;
 pub mod metrics;
+pub(crate) mod sparse;
 #[cfg(feature = "cli")]
 pub(crate) mod viz;
 #[doc(hidden)]

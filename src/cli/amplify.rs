@@ -13,17 +13,19 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   monadnock amplify alps.safetensors coarse.tif --factor 4 -o fine.tif
   monadnock --seed 7 amplify alps.safetensors coarse.tif --factor 2 -o other.tif --strength 0.7
+  monadnock amplify sparse.safetensors painted.png --elevation 0,2000 --cell-size 640 --factor 64 -o canyon.tif
 
 Every cell becomes FACTOR x FACTOR cells. Forms of the size of the old cells and larger stay; smaller ones are the style's,
-as rough as the terrain itself is beside the style's exemplar. Cell size and georeference follow; voids stay voids.")]
+as rough as the terrain itself is beside the style's exemplar. Cell size and georeference follow; voids stay voids. With
+sparse detail the terrain, shrunk again, is the input, and every seed gives the same.")]
 pub(super) struct AmplifyArgs {
     /// The style, as written by `train`
     style: PathBuf,
     #[command(flatten)]
     dem: DemInput,
-    /// New cells along the side of an old one: 2, 4 or 8
+    /// New cells along the side of an old one: 2, 4, 8 or 16; with sparse detail up to 256
     #[arg(long, value_name = "N", value_parser = factor)]
-    factor: u8,
+    factor: usize,
     /// The terrain to write
     #[arg(short, long)]
     output: PathBuf,
@@ -32,13 +34,9 @@ pub(super) struct AmplifyArgs {
     strength: f32,
 }
 
-fn factor(text: &str) -> Result<u8, String> {
-    match text.trim() {
-        "2" => Ok(2),
-        "4" => Ok(4),
-        "8" => Ok(8),
-        _ => Err("allowed: 2, 4, 8".to_owned()),
-    }
+fn factor(text: &str) -> Result<usize, String> {
+    let factor = text.trim().parse().ok().filter(|n: &usize| n.is_power_of_two() && (2..=256).contains(n));
+    factor.ok_or_else(|| "allowed: 2, 4, 8, 16, 32, 64, 128, 256".to_owned())
 }
 
 /// Runs the verb.
@@ -55,8 +53,7 @@ pub(super) fn run(args: &AmplifyArgs, context: &Context) -> Result<()> {
     style.needed_detail().map_err(|e| e.in_file(&args.style))?;
     let dem = args.dem.load(&context.console)?;
     let how = DetailUse { strength: args.strength, ..DetailUse::default() };
-    let factor = usize::from(args.factor);
-    let fine = style.amplify(&dem, factor, &how, context.seed, &context.stop())?;
+    let fine = style.amplify(&dem, args.factor, &how, context.seed, &context.stop())?;
     io::write(&fine, &args.output, &WriteOptions::default())?;
     let ((rows, cols), (low, high)) = (fine.shape(), fine.range());
     context.console.line(format!("{}: {rows}x{cols} cells, {low:.1} to {high:.1} m", args.output.display()));

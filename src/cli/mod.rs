@@ -23,6 +23,7 @@ mod sketch_fill;
 mod sketch_input;
 mod sketch_map;
 mod train;
+mod tree;
 mod watch;
 
 use crate::control::Stop;
@@ -118,6 +119,8 @@ enum Command {
     Amplify(amplify::AmplifyArgs),
     /// Draw terrain of a style from noise alone
     Sample(sample::SampleArgs),
+    /// Terrain as a construction tree: fit it to terrain, edit it, draw it
+    Tree(tree::TreeArgs),
     /// Rebuild patches of terrain from their lines with every system, and score them
     Eval(eval::EvalArgs),
     /// Run comparisons that are data files, and report their records
@@ -214,6 +217,7 @@ fn dispatch(command: &Command, context: &Context) -> Result<()> {
         Command::Generate(args) => generate::run(args, context),
         Command::Amplify(args) => amplify::run(args, context),
         Command::Sample(args) => sample::run(args, context),
+        Command::Tree(args) => tree::run(args, context),
         Command::Eval(args) => eval::run(args, context),
         Command::Experiment(args) => experiment::run(args, context),
         Command::Data(args) => data::run(args, context),

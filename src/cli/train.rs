@@ -38,8 +38,8 @@ pub(super) struct TrainArgs {
     /// Leave out the detail: terrain then keeps only the forms that its lines say
     #[arg(long)]
     no_detail: bool,
-    /// Where detail comes from: `patches`, the exemplar's own (GPNN; the default), or `generators` that are trained (SinGAN; the
-    /// default when a setting of theirs is given)
+    /// Where detail comes from: `patches`, the exemplar's own (GPNN; the default), `generators` that are trained (SinGAN; the
+    /// default when a setting of theirs is given), or `sparse` sums of the exemplar's forms (made for `amplify`)
     #[arg(long, value_name = "MODEL", conflicts_with = "no_detail")]
     detail_model: Option<String>,
     /// Generators, and their named configuration: ours (the default), or paper (SinGAN as published: hours)

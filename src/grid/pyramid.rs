@@ -26,6 +26,28 @@ pub fn halved(raster: &Grid<f32>) -> Grid<f32> {
     out
 }
 
+/// Means of `factor` x `factor` cells; rows and columns that fill no cell are left out.
+///
+/// # Panics
+/// When a side is less than `factor`, or that is 0.
+#[must_use]
+pub(crate) fn shrunk(raster: &Grid<f32>, factor: usize) -> Grid<f32> {
+    let (rows, cols, wide) = (raster.rows() / factor, raster.cols() / factor, raster.cols());
+    assert!(rows > 0 && cols > 0, "a raster of at least {factor}x{factor} cells");
+    let share = 1.0 / (factor * factor) as f32;
+    let mut out = Grid::filled(rows, cols, 0.0);
+    let bands = raster.as_slice().par_chunks_exact(factor * wide);
+    out.as_mut_slice().par_chunks_mut(cols).zip(bands).for_each(|(out, band)| {
+        for row in band.chunks_exact(wide) {
+            for (out, cells) in out.iter_mut().zip(row.chunks_exact(factor)) {
+                *out += cells.iter().sum::<f32>();
+            }
+        }
+        out.iter_mut().for_each(|z| *z *= share);
+    });
+    out
+}
+
 /// True where all of 2x2 cells are.
 ///
 /// # Panics
@@ -60,6 +82,18 @@ mod tests {
             let cell = Cell::new(row, col);
             assert!((back[cell] - plane[cell]).abs() < 1e-4, "{cell:?}");
         }
+    }
+
+    #[test]
+    fn shrinking_by_two_is_halving() {
+        let map = Grid::from_fn(17, 22, |c| ((c.row * 37 + c.col * 61) % 23) as f32);
+        for (a, b) in shrunk(&map, 2).as_slice().iter().zip(halved(&map).as_slice()) {
+            assert!((a - b).abs() < 1e-5);
+        }
+        let third = shrunk(&map, 3);
+        assert_eq!(third.shape(), (5, 7));
+        let cells = (0..9).map(|i| map[Cell::new(9 + i / 3, 6 + i % 3)]);
+        assert!((third[Cell::new(3, 2)] - cells.sum::<f32>() / 9.0).abs() < 1e-5);
     }
 
     #[test]

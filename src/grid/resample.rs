@@ -36,6 +36,22 @@ impl Axis {
         });
         Self { from, taps: taps.collect() }
     }
+
+    /// Means of `factor` outputs each.
+    fn averaged(&self, factor: usize) -> Self {
+        let merged = |group: &[(usize, Vec<f32>)]| {
+            let first = group.iter().map(|(first, _)| *first).min().unwrap_or(0);
+            let last = group.iter().map(|(first, weights)| first + weights.len()).max().unwrap_or(first);
+            let mut sums = vec![0.0; last - first];
+            for (from, weights) in group {
+                for (sum, w) in sums[from - first..].iter_mut().zip(weights) {
+                    *sum += w / factor as f32;
+                }
+            }
+            (first, sums)
+        };
+        Self { from: self.from, taps: self.taps.chunks_exact(factor).map(merged).collect() }
+    }
 }
 
 /// The cubic convolution kernel with a = -1/2.
@@ -59,6 +75,15 @@ impl Resampling {
     pub fn new(from: (usize, usize), to: (usize, usize)) -> Self {
         assert!(from.0 * from.1 * to.0 * to.1 > 0, "a raster has at least one cell");
         Self { rows: Axis::new(from.0, to.0), cols: Axis::new(from.1, to.1) }
+    }
+
+    /// The same followed by the means of `factor` x `factor` cells, as one map.
+    ///
+    /// # Panics
+    /// When `factor` is 0.
+    #[must_use]
+    pub(crate) fn averaged(&self, factor: usize) -> Self {
+        Self { rows: self.rows.averaged(factor), cols: self.cols.averaged(factor) }
     }
 
     /// The raster in the other size.
@@ -127,6 +152,7 @@ pub fn resample(raster: &Grid<f32>, rows: usize, cols: usize) -> Grid<f32> {
 mod tests {
     use super::*;
     use crate::grid::Cell;
+    use crate::grid::pyramid::shrunk;
 
     #[test]
     fn resampling_keeps_planes_and_the_same_size() {
@@ -147,6 +173,14 @@ mod tests {
         }
         let flat = resample(&Grid::filled(9, 9, 0.7), 33, 4);
         assert!(flat.as_slice().iter().all(|z| (z - 0.7).abs() < 1e-6));
+    }
+
+    #[test]
+    fn averaging_is_part_of_the_map() {
+        let draw = Grid::from_fn(9, 12, |c: Cell| ((c.row * 37 + c.col * 61) % 23) as f32);
+        let up = Resampling::new((9, 12), (36, 48));
+        let (once, twice) = (up.averaged(4).apply(&draw), shrunk(&up.apply(&draw), 4));
+        assert!(once.as_slice().iter().zip(twice.as_slice()).all(|(a, b)| (a - b).abs() < 1e-4));
     }
 
     #[test]

@@ -12,6 +12,8 @@ use crate::systems::task::{DetailModel, DetailUse};
 
 /// Most cells that [`amplify`] makes: 32,768 by 32,768.
 const MOST_CELLS: usize = 1 << 30;
+/// Largest factor for detail that is added to an enlarged map at once.
+const LARGEST_FACTOR: usize = 16;
 
 /// Adds detail to terrain in metres; with `lines` in metres, their heights are kept. Where `mask` is false nothing changes.
 ///
@@ -66,9 +68,9 @@ pub(super) fn amplify(
 ) -> Result<Dem> {
     let (rows, cols) = dem.shape();
     let cells = (rows * cols).saturating_mul(factor * factor);
-    if !(2..=16).contains(&factor) || cells > MOST_CELLS {
+    if factor < 2 || cells > MOST_CELLS {
         let found = format!("{factor} for {rows}x{cols} cells");
-        let allowed = format!("allowed: 2 to 16, and at most {MOST_CELLS} cells in the end");
+        let allowed = format!("allowed: at least 2, and at most {MOST_CELLS} cells in the end");
         return Err(Error::value("factor", found, allowed));
     }
     let valid = dem.valid();
@@ -77,9 +79,17 @@ pub(super) fn amplify(
     } else {
         dem.heights().clone()
     };
-    let large = resample(&known, rows * factor, cols * factor);
-    let how = DetailUse { size: Some(factor as f64), keep: 0.0, ..how.clone() };
-    let heights = add_detail(&large, detail, range, None, None, &how, seed, stop)?;
+    let heights = match detail.amplified(&known, factor, how, stop)? {
+        Some(heights) => heights,
+        None if factor > LARGEST_FACTOR => {
+            return Err(Error::value("factor", factor, format!("allowed: 2 to {LARGEST_FACTOR}")));
+        }
+        None => {
+            let large = resample(&known, rows * factor, cols * factor);
+            let how = DetailUse { size: Some(factor as f64), keep: 0.0, ..how.clone() };
+            add_detail(&large, detail, range, None, None, &how, seed, stop)?
+        }
+    };
     let valid =
         Mask::from_fn(rows * factor, cols * factor, |c| valid[Cell::new(c.row / factor, c.col / factor)]);
     let cell = dem.cell_size();

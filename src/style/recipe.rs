@@ -176,10 +176,10 @@ impl Recipe {
         };
         if name == Some(PatchDetail::NAME) {
             searched?;
-            if asked {
-                let allowed = "patches have no settings: leave out --detail-preset and the keys of [detail]";
-                return Err(Error::value("--detail-model", PatchDetail::NAME, allowed));
-            }
+        }
+        if let Some(other) = name.filter(|name| asked && *name != Detail::NAME) {
+            let allowed = "--detail-preset and the keys of [detail] are of generators: leave them out";
+            return Err(Error::value("--detail-model", other, allowed));
         }
         recipe.detail = match name {
             None => None,
@@ -319,6 +319,12 @@ mod tests {
             detail(&Choices { detail: DetailChoice::Without, ..Choices::default() }, 128).unwrap(),
             None
         );
+        let sparse = |settings: &str| Choices { detail: named("sparse"), ..set(settings) };
+        assert_eq!(detail(&sparse("sparse.atoms = 9"), 300).unwrap(), Some("sparse"));
+        assert!(
+            detail(&sparse("sparse.atoms = 9999"), 300).unwrap_err().to_string().contains("sparse.atoms")
+        );
+        assert!(detail(&sparse("detail.steps = 9"), 128).unwrap_err().to_string().contains("[detail]"));
         let magic = Choices { detail: named("magic"), ..Choices::default() };
         assert!(detail(&magic, 128).unwrap_err().to_string().contains("allowed: patches, generators"));
     }

@@ -10,6 +10,7 @@ use crate::systems::gpnn::PatchDetail;
 use crate::systems::landscape::LandscapeSystem;
 use crate::systems::region_gnn::RegionNetwork;
 use crate::systems::singan::Detail;
+use crate::systems::sparse::SparseDetail;
 use crate::systems::synthesis::SynthesisSystem;
 use crate::systems::task::{DetailModel, Part, SketchToTerrain, System};
 use std::sync::Arc;
@@ -49,6 +50,7 @@ impl Default for Registry {
             .system::<SynthesisSystem>()
             .detail::<PatchDetail>()
             .detail::<Detail>()
+            .detail::<SparseDetail>()
     }
 }
 

@@ -1,5 +1,5 @@
 //! The systems that turn a sketch into terrain, side by side: [`classical`] interpolators, [`region_gnn`], the [`landscape`] model and [`synthesis`];
-//! [`singan`] (trained) and [`gpnn`] (the exemplar's own patches) add detail to what they make, and the room `style` puts both together.
+//! [`singan`] (trained), [`gpnn`] (the exemplar's own patches) and [`sparse`] (sums of its forms) add detail to what they make, and the room `style` puts both together.
 
 pub mod task;
 pub mod classical;
@@ -7,4 +7,5 @@ pub mod region_gnn;
 pub mod synthesis;
 pub mod singan;
 pub mod gpnn;
+pub mod sparse;
 pub mod landscape;

@@ -13,6 +13,7 @@ mod input;
 mod outputs;
 mod sketches;
 mod training;
+mod tree;
 
 use assert_cmd::Command;
 use std::path::Path;

@@ -25,7 +25,7 @@ pub struct DetailUse {
     /// Share of the map's own small forms that stay; 0 replaces them (SinGAN's own use), 1 adds to them.
     pub keep: f32,
     /// Amplitude of the noise: 0 gives the one most likely answer, 1 as trained. For patches: every seed leaves out the share
-    /// noise / (1 + noise) of the exemplar's.
+    /// noise / (1 + noise) of the exemplar's. Sparse sums have one answer, the same for all seeds.
     pub noise: f32,
     /// Share of the generators' most likely answer, the one without noise, that is added. 0 leaves what is likely to the map,
     /// and adds only what a draw has beside it; 1 is SinGAN's own use. Patches have one answer, which is added whole.
@@ -104,6 +104,21 @@ pub trait DetailModel: Send + Sync {
 
     /// The share of the residual that suits the exemplar best ([`gain_of`]).
     fn gain(&self) -> f32;
+
+    /// `heights` with `factor` times as many rows and columns and the model's forms below the old cells; none where the model adds detail to
+    /// enlarged maps alone ([`add`](Self::add)).
+    ///
+    /// # Errors
+    /// When a setting or the factor is out of range, or the work is stopped.
+    fn amplified(
+        &self,
+        _heights: &Grid<f32>,
+        _factor: usize,
+        _how: &DetailUse,
+        _stop: &Stop,
+    ) -> Result<Option<Grid<f32>>> {
+        Ok(None)
+    }
 
     /// Terrain of the exemplar's kind from noise alone. (`what.rows`, `what.cols`), in the exemplar's unit interval (which it may
     /// leave); the same for the same seed.
