@@ -32,6 +32,7 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --bounds strokes
   monadnock generate sierra.safetensors --sketch mine.geojson -o six.tif --variants 6
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif --check --bound found=0.8
+  monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif --sources sources.png
   monadnock --seed 2 generate sierra.safetensors --sketch mine.geojson -o other.tif --detail-strength 0.6
 
 A stroke may have no heights, or a few: the others are those that the style's ridges and valleys have (`sketch fill`).
@@ -84,6 +85,10 @@ pub(super) struct GenerateArgs {
     /// Terrain from so many seeds, beginning with --seed: OUTPUT, OUTPUT-2, ... and a picture of all, OUTPUT-variants.png
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=24))]
     variants: u8,
+    /// Write for every cell which place of the style's terrain, or which stroke, it comes from: arrays (.npz) or a picture (.png);
+    /// of systems that lay pieces of it (synthesis)
+    #[arg(long, value_name = "F")]
+    sources: Option<PathBuf>,
     #[command(flatten)]
     detail: DetailOptions,
     #[command(flatten)]
@@ -181,12 +186,18 @@ fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
 /// # Errors
 /// Whatever is wrong with the style, the sketch or the output path.
 pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
-    let variants: Vec<PathBuf> =
-        (0..usize::from(args.variants)).map(|i| variant_path(&args.output, i)).collect();
+    let of_variants = |path: &PathBuf| -> Vec<PathBuf> {
+        (0..usize::from(args.variants)).map(|i| variant_path(path, i)).collect()
+    };
+    let (variants, sources) =
+        (of_variants(&args.output), args.sources.as_ref().map(of_variants).unwrap_or_default());
     let sheet = (args.variants > 1).then(|| sheet_path(&args.output));
     let mut outputs = Outputs::new();
     for path in &variants {
         outputs = outputs.writes("--output", path, OutputKind::Terrain);
+    }
+    for path in &sources {
+        outputs = outputs.writes("--sources", path, OutputKind::Sources);
     }
     outputs
         .writes("--variants", &sheet, OutputKind::Picture)
@@ -226,7 +237,12 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     let mut made = Vec::new();
     for (i, path) in variants.iter().enumerate() {
         let seed = Seed(context.seed.0.wrapping_add(i as u64));
-        let terrain = style.generate(&lines, &args.method, Some(range), seed, &context.stop())?;
+        let (terrain, provenance) = if args.sources.is_some() {
+            let made = style.generate_traced(&lines, &args.method, Some(range), seed, &context.stop());
+            made.map(|(terrain, provenance)| (terrain, Some(provenance))).map_err(|e| e.in_file(&args.style))?
+        } else {
+            (style.generate(&lines, &args.method, Some(range), seed, &context.stop())?, None)
+        };
         let how = Use { style: &style, is_complete: system.is_complete(), lines: &lines, range, seed };
         let terrain = args.detail.add(&how, terrain, context).map_err(|e| match e {
             Error::Value { .. } => e.in_file(&args.style),
@@ -239,6 +255,10 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         context
             .console
             .line(format!("{}: {rows}x{cols} cells of {side:.2} m, {low:.1} to {high:.1} m", path.display()));
+        if let (Some(path), Some(provenance), Some(exemplar)) = (sources.get(i), &provenance, &style.terrain) {
+            super::sources::write(path, &dem, provenance, &sketch, exemplar)?;
+            context.console.line(format!("wrote {}", path.display()));
+        }
         made.push((format!("seed {}", seed.0), dem));
     }
     if let Some(sheet) = &sheet {

@@ -24,7 +24,7 @@ const COLUMNS: usize = 4;
 pub(super) struct Gallery<'a> {
     pub(super) resolved: &'a Resolved,
     styles: &'a Styles<'a>,
-    record: &'a Record,
+    pub(super) record: &'a Record,
     /// The first seed, of which pictures are.
     pub(super) seed: u64,
     /// The system that the experiment is about.
@@ -131,7 +131,7 @@ pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
         for i in 0..resolved.spec.pictures {
             let next = if i % 2 == 0 { order.pop_front() } else { order.pop_back() };
             let Some((margin, cell, sketch)) = next else { break };
-            let task = Task { resolved, area, cell, sketch, systems: &systems, seed };
+            let task = Task { resolved, area, cell, sketch, systems: &systems, seed, record: gallery.record };
             let (rows, patches) = rebuild(&task, &area.dem, true)?;
             let Some(patch) = patches.first() else { continue };
             let title = format!(

@@ -5,6 +5,7 @@
 //! | `resolved.toml` | the experiment with nothing left open; written first |
 //! | `machine.toml` | program, revision, machine, and how long each session took |
 //! | `journal.csv` | rows as they are finished, with their seconds; lets an interrupted run continue |
+//! | `windows/` | `strokes`: features of the windows of each terrain, until all are told apart |
 //! | `styles/` | the trained styles, by a hash of configuration, exemplar and seed |
 //! | `scores.csv` | all rows in the experiment's order; the same bytes in every run |
 //! | `timings.csv`, `training.csv` | seconds of every row, and of every training |
@@ -32,7 +33,8 @@ const LARGEST: u64 = 1 << 30;
 const KEPT: [&str; 6] =
     ["scores.csv", "training.csv", "exemplars.csv", "states.csv", "stages.csv", "peers.csv"];
 /// What a run needs to continue or makes for the eye.
-const PASSING: [&str; 6] = ["journal.csv", "timings.csv", "styles", "pictures", "plots", "report.html"];
+const PASSING: [&str; 7] =
+    ["journal.csv", "timings.csv", "styles", "windows", "pictures", "plots", "report.html"];
 
 /// A record's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]

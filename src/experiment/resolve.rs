@@ -3,12 +3,16 @@
 use super::areas::{Area, Resolved, Terrain};
 use super::protocol::SketchSource;
 use super::protocols;
-use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
+use super::spec::{AreaSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
 use crate::dem::{CellSize, Dem};
 use crate::error::{Error, Result};
 use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
 use crate::grid::{Cell, Grid};
 use crate::style::{Source, fingerprint};
+use std::borrow::Cow;
+
+/// Fewest columns of terrain to learn from that are left for the sake of large truths.
+const LEAST_WEST: usize = 256;
 
 /// Fills in everything that an experiment leaves open.
 ///
@@ -25,7 +29,7 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     for (area, entry) in areas.iter().zip(&mut spec.area) {
         let e = &area.source.info;
         entry.exemplar = Some(vec![e.row, e.col, e.rows]);
-        entry.fingerprint = Some(e.source_sha256.clone());
+        entry.fingerprint = Some(fingerprint(&area.dem));
         entry.patches = protocols::of(spec.kind)
             .has_test_patches()
             .then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
@@ -33,6 +37,7 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     let full = |style: &StyleSpec| -> Result<StyleSpec> {
         Ok(StyleSpec {
             name: style.name.clone(),
+            learns: style.learns.clone(),
             systems: if protocols::of(spec.kind).compares_uses() { spec.uses(style)? } else { Vec::new() },
             preset: None,
             set: toml::Table::new(),
@@ -48,9 +53,11 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     if spec.kind == Kind::Ablation {
         spec.baseline = spec.baseline.or_else(|| spec.highlight.clone());
     }
-    if protocols::of(spec.kind).sketch_source() != SketchSource::Areas {
+    let source = protocols::of(spec.kind).sketch_source();
+    if source != SketchSource::Areas {
         spec.sketch = spec.sketches();
-        for sketch in spec.sketch.iter_mut().filter(|sketch| sketch.drawing.is_none()) {
+        let of_network = |sketch: &&mut SketchSpec| sketch.drawing.is_none() && source != SketchSource::MainLines;
+        for sketch in spec.sketch.iter_mut().filter(of_network) {
             sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
             sketch.accumulation = Some(sketch.accumulation.unwrap_or(spec.extraction.min_accumulation));
         }
@@ -118,18 +125,32 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         let allowed = format!("the experiment means terrain with {meant}");
         return Err(in_area(Error::value("fingerprint", found, allowed)));
     }
+    let learned = western(spec, &dem)?;
     let (origin, side) = match entry.exemplar.as_deref() {
         Some([row, col, side]) => (Cell::new(*row, *col), *side),
         Some([row, col]) => (Cell::new(*row, *col), PATCH),
-        _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
+        _ => (choose_exemplar(&learned).map_err(in_area)?, PATCH),
     };
-    let source = Source::new(&entry.name, &dem, origin, side, side).map_err(in_area)?;
+    let source = Source::new(&entry.name, &learned, origin, side, side).map_err(in_area)?;
     let patches = if protocols::of(spec.kind).has_test_patches() {
         patches(spec, entry, &dem, origin, side).map_err(in_area)?
     } else {
         Vec::new()
     };
     Ok(Area { name: entry.name.clone(), dem, source, patches })
+}
+
+/// What styles may learn from: all of the terrain, or where truths lie in its east the western half; less than that where the largest truths
+/// want more, as long as [`LEAST_WEST`] columns are left.
+fn western<'a>(spec: &ExperimentSpec, dem: &'a Dem) -> Result<Cow<'a, Dem>> {
+    if protocols::of(spec.kind).sketch_source() != SketchSource::MainLines {
+        return Ok(Cow::Borrowed(dem));
+    }
+    let (rows, cols) = dem.shape();
+    let largest = spec.sketch.iter().map(SketchSpec::size).max().unwrap_or(0);
+    let beside = cols.saturating_sub(largest);
+    let west = if beside >= LEAST_WEST { beside.min(cols / 2) } else { cols / 2 };
+    Ok(Cow::Owned(dem.crop(Cell::new(0, 0), rows, west)?))
 }
 
 /// The test patches of an area.

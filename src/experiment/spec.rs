@@ -6,7 +6,9 @@
 use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::style::{self, DetailPlan, GeneratorConfig, Preset, Registry, StyleConfig, generators, overlaid};
+use crate::style::{
+    self, DetailPlan, GeneratorConfig, NETWORK, Preset, Registry, StyleConfig, SystemPlan, generators, overlaid,
+};
 use crate::systems::task::RandomHeights;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::sync::Arc;
@@ -26,11 +28,12 @@ pub enum Kind {
     Invariance,
     Disentanglement,
     Cost,
+    Strokes,
 }
 
 impl Kind {
     /// Every one.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Neighbours,
         Self::Fit,
         Self::Sparse,
@@ -41,6 +44,7 @@ impl Kind {
         Self::Invariance,
         Self::Disentanglement,
         Self::Cost,
+        Self::Strokes,
     ];
 }
 
@@ -112,6 +116,9 @@ pub struct StyleSpec {
     /// Ways to use the style, by their names in the registry; all of them when none is named.
     #[serde(default)]
     pub systems: Vec<String>,
+    /// The coarse systems that it learns, by name; the region network (`gnn`) alone when absent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub learns: Vec<String>,
     /// The configuration to begin with.
     pub preset: Option<Preset>,
     /// Sections of the configuration that differ from the preset and the common overrides.
@@ -209,15 +216,19 @@ pub struct SketchSpec {
     pub order: Option<u8>,
     /// Fewest cells that a line drains; those of `extraction` when absent.
     pub accumulation: Option<u32>,
-    /// Keeps at most so many strokes (lines between junctions).
+    /// Keeps at most so many strokes (lines between junctions; `strokes`: half of them valleys, half ridges).
     pub strokes: Option<usize>,
     /// Which ones; the longest when absent.
     pub choose: Option<Choice>,
     /// `drawings`: the bundled sample sketch.
     pub drawing: Option<String>,
-    /// `drawings`: nodes of random lines (5.2); none when absent.
+    /// `strokes`: side of the truths, cells; 256 when absent.
+    pub size: Option<usize>,
+    /// `strokes`: share of the truth that a drawn line drains at least; that of [`MainLinesConfig`](crate::extract::MainLinesConfig) when absent.
+    pub share: Option<f64>,
+    /// `drawings`, `strokes`: nodes of random lines (5.2); none when absent.
     pub random: Option<usize>,
-    /// `drawings`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
+    /// `drawings`, `strokes`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
     pub random_heights: Option<RandomHeights>,
     /// `invariance`: degrees by which the lines are turned about the middle, counter-clockwise.
     pub turn: Option<f64>,
@@ -339,7 +350,7 @@ impl ExperimentSpec {
     /// # Errors
     /// As [`systems`](Self::systems).
     pub fn uses(&self, style: &StyleSpec) -> Result<Vec<String>> {
-        let known = style::names(&[self.config_of(style)?.plan()?], style.detail.is_some());
+        let known = style::names(&self.plans(style)?, style.detail.is_some());
         if style.systems.is_empty() {
             return Ok(known);
         }
@@ -348,6 +359,23 @@ impl ExperimentSpec {
             return Err(Error::value(name, bad, format!("allowed: {}", known.join(", "))));
         }
         Ok(known.into_iter().filter(|name| style.systems.contains(name)).collect())
+    }
+
+    /// The coarse systems of a style, to learn.
+    ///
+    /// # Errors
+    /// As [`config_of`](Self::config_of); when there is none of that name.
+    pub(super) fn plans(&self, style: &StyleSpec) -> Result<Vec<Arc<dyn SystemPlan>>> {
+        let network = || self.config_of(style)?.plan();
+        if style.learns.is_empty() {
+            return Ok(vec![network()?]);
+        }
+        let plan = |name: &String| match name.as_str() {
+            NETWORK => network(),
+            name => Registry::default().plan(name, &toml::Table::new()),
+        };
+        let named = |e: Error| e.renamed(|name| format!("learns of style {:?}, {name}", style.name));
+        style.learns.iter().map(plan).collect::<Result<_>>().map_err(named)
     }
 
     /// The whole configuration of a style.
@@ -376,6 +404,13 @@ impl ExperimentSpec {
     pub fn highlighted(&self) -> Result<String> {
         let first = || self.systems().map(|systems| systems[0].clone());
         self.highlight.clone().map_or_else(first, Ok)
+    }
+}
+
+impl SketchSpec {
+    /// Side of the truths of `strokes`, cells.
+    pub(super) fn size(&self) -> usize {
+        self.size.unwrap_or(256)
     }
 }
 

@@ -11,11 +11,13 @@ mod error;
 mod landforms;
 mod lines;
 mod patches;
+mod provenance;
 mod relief;
 mod scores;
 mod spectrum;
 mod ssim;
 mod summary;
+mod two_sample;
 
 pub use contract::{Contract, ContractBounds, StrokeCheck};
 pub use correlation::spearman;
@@ -24,6 +26,7 @@ pub use error::{psnr, rmse};
 pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
 pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
+pub use provenance::{Origin, Provenance, SourceAudit};
 pub use relief::{
     curvature_distance, mean_slope_ratio, mean_square_slope, mean_valid_slope, pit_share, roughness,
     slope_distance,
@@ -33,6 +36,7 @@ pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};
 pub(crate) use ssim::{WINDOW, similarity, window_means, window_means_adjoint};
 pub use summary::{Spread, Summary};
+pub(crate) use two_sample::{WindowFeatures, told_share, window_features};
 
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};

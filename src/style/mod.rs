@@ -38,6 +38,7 @@ use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
 use crate::grid::Grid;
+use crate::metrics::Provenance;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use serde::{Deserialize, Serialize};
@@ -186,10 +187,44 @@ impl Style {
         seed: Seed,
         stop: &Stop,
     ) -> Result<Grid<f32>> {
+        let made = self.made(lines, method, range, |system, unit| {
+            system.draw(unit, seed, stop).map(|terrain| (terrain, ()))
+        });
+        Ok(made?.0)
+    }
+
+    /// As [`generate`](Self::generate), with where every cell comes from, in rows and columns of the style's [terrain](Self::terrain).
+    ///
+    /// # Errors
+    /// As there; when the system lays no places of the exemplar.
+    pub fn generate_traced(
+        &self,
+        lines: &LineMap,
+        method: &Method,
+        range: Option<Normalization>,
+        seed: Seed,
+        stop: &Stop,
+    ) -> Result<(Grid<f32>, Provenance)> {
+        self.made(lines, method, range, |system, unit| {
+            system.traced(unit, seed, stop).unwrap_or_else(|| {
+                let allowed = "its terrain is not laid from places of the exemplar; synthesis has sources (--method synthesis)";
+                Err(Error::value("sources of the system", system.name(), allowed))
+            })
+        })
+    }
+
+    /// Terrain in metres and what `make` gives beside it. Lines and answer of `make` are in the unit interval.
+    fn made<T>(
+        &self,
+        lines: &LineMap,
+        method: &Method,
+        range: Option<Normalization>,
+        make: impl FnOnce(&dyn LearnedSystem, &LineMap) -> Result<(Grid<f32>, T)>,
+    ) -> Result<(Grid<f32>, T)> {
         let range = range.unwrap_or(self.origin.normalization);
         let unit = lines.map_heights(|z| range.to_unit(f64::from(z)) as f32);
-        let system = self.system_for(lines, method)?;
-        let mut terrain = system.draw(&unit, seed, stop)?.map(|&z| range.to_metres(f64::from(z)) as f32);
+        let (terrain, beside) = make(&**self.system_for(lines, method)?, &unit)?;
+        let mut terrain = terrain.map(|&z| range.to_metres(f64::from(z)) as f32);
         // What passes through the lines in the unit interval does so in metres, to the bit.
         let drawn =
             lines.kinds().as_slice().iter().zip(lines.heights().as_slice()).zip(unit.heights().as_slice());
@@ -198,6 +233,6 @@ impl Style {
                 *z = height;
             }
         }
-        Ok(terrain)
+        Ok((terrain, beside))
     }
 }

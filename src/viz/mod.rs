@@ -16,6 +16,7 @@ pub mod plot;
 mod relief;
 pub mod report;
 mod sheet;
+mod sources;
 mod ticks;
 mod upsample;
 
@@ -29,3 +30,4 @@ pub use palette::Palette;
 pub use picture::Picture;
 pub use relief::{Exaggeration, Relief};
 pub use sheet::Sheet;
+pub(crate) use sources::sources;
