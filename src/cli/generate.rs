@@ -16,7 +16,7 @@ use crate::machine;
 use crate::seed::Seed;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::sketch::{LineMap, Sketch};
-use crate::style::{Method, NETWORK, Style, add_detail};
+use crate::style::{Drain, Method, NETWORK, Style, add_detail};
 use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,7 @@ pub(super) struct GenerateArgs {
     /// The style, as written by `train`
     style: PathBuf,
     /// The sketch: a GeoJSON file, or one that comes with the program (a-circle, empty-corner, fault-line, lambda-ring,
-    /// meander, p-valley, single-stroke, volcano-ring)
+    /// meander, p-valley, range-and-river, single-stroke, three-peaks, valley-system, volcano-ring)
     #[arg(long, value_name = "S.geojson")]
     sketch: PathBuf,
     /// The terrain to write
@@ -85,6 +85,11 @@ pub(super) struct GenerateArgs {
     /// Terrain from so many seeds, beginning with --seed: OUTPUT, OUTPUT-2, ... and a picture of all, OUTPUT-variants.png
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=24))]
     variants: u8,
+    /// Cut dams between the strokes until no more of the terrain lies in pits than of the style's: auto where rivers made the style
+    /// (synthesis and landscape do so themselves), always (also without a word), never
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_value = "auto",
+        default_missing_value = "always")]
+    drain: DrainName,
     /// Write for every cell which place of the style's terrain, or which stroke, it comes from: arrays (.npz) or a picture (.png);
     /// of systems that lay pieces of it (synthesis)
     #[arg(long, value_name = "F")]
@@ -93,6 +98,23 @@ pub(super) struct GenerateArgs {
     detail: DetailOptions,
     #[command(flatten)]
     check: CheckOptions,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum DrainName {
+    Auto,
+    Always,
+    Never,
+}
+
+impl From<DrainName> for Drain {
+    fn from(name: DrainName) -> Self {
+        match name {
+            DrainName::Auto => Self::LikeExemplar,
+            DrainName::Always => Self::Always,
+            DrainName::Never => Self::Never,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -149,11 +171,15 @@ struct Use<'a> {
 }
 
 impl DetailOptions {
+    /// Whether something was said about detail.
+    fn is_asked(&self) -> bool {
+        self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some()
+    }
+
     /// Adds the style's detail to `terrain`, in metres.
     fn add(&self, how: &Use<'_>, terrain: Grid<f32>, context: &Context) -> Result<Grid<f32>> {
         let Use { style, is_complete, lines, range, seed } = *how;
-        let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
-        if self.no_detail || ((style.detail.is_none() || is_complete) && !asked) {
+        if self.no_detail || ((style.detail.is_none() || is_complete) && !self.is_asked()) {
             return Ok(terrain);
         }
         let detail = style.needed_detail()?;
@@ -248,6 +274,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
             Error::Value { .. } => e.in_file(&args.style),
             other => other,
         })?;
+        let terrain = args.drained(&how, terrain, context)?;
         let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
         io::write(&dem, path, &WriteOptions::default())?;
         let (low, high) = dem.range();
@@ -265,7 +292,28 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         draw_variants(&made, &sketch, sheet)?;
         context.console.line(format!("wrote {}", sheet.display()));
     }
-    args.check.run(&made[0].1, &sketch, &args.output, context)
+    let style_pits = style.landscape().map(|fit| fit.pit_share);
+    args.check.run(&made[0].1, &sketch, style_pits, &args.output, context)
+}
+
+impl GenerateArgs {
+    /// `terrain`, in metres, with ways out for water as far as that is wanted.
+    fn drained(&self, how: &Use<'_>, terrain: Grid<f32>, context: &Context) -> Result<Grid<f32>> {
+        let drain = Drain::from(self.drain);
+        if drain == Drain::LikeExemplar && how.is_complete && !self.detail.is_asked() {
+            return Ok(terrain);
+        }
+        let Some(drained) = how.style.drained(&terrain, how.lines, drain, &context.stop())? else {
+            return Ok(terrain);
+        };
+        let percent = |share: f64| 100.0 * share;
+        context.console.note(format!(
+            "drained: {:.1} % of the cells lay in pits, {:.1} % do (--drain)",
+            percent(drained.pits_before),
+            percent(drained.pits_after)
+        ));
+        Ok(drained.heights)
+    }
 }
 
 /// `network` is how people call the first system.

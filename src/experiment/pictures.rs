@@ -3,7 +3,7 @@
 use super::areas::{Area, Resolved};
 use super::measure::{Measured, Systems, Task, rebuild, value_of};
 use super::record::Record;
-use super::rows::ScoreTable;
+use super::results::{Results, difference};
 use super::spec::SketchSpec;
 use super::styles::Styles;
 use crate::dem::{CellSize, Dem, Normalization};
@@ -114,15 +114,17 @@ pub(super) fn plain(name: &str) -> String {
 pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
     let (resolved, seed) = (gallery.resolved, gallery.seed);
     let table = gallery.record.scores()?;
-    let interpolators = resolved.spec.interpolator_names()?;
-    let against = if interpolators.is_empty() { "PSNR" } else { "PSNR above the best interpolator" };
+    let results = Results::new(&resolved.spec, &table)?;
+    let with_best = !results.interpolators().is_empty();
+    let against = if with_best { "PSNR above the best interpolator" } else { "PSNR" };
     for area in &resolved.areas {
         let mut margins: Vec<(f64, Cell, &SketchSpec)> = Vec::new();
         for sketch in &gallery.sketches {
-            for &cell in &area.patches {
-                let margin = margin(&table, gallery, area, cell, sketch, &interpolators);
-                margins.extend(margin.map(|margin| (margin, cell, sketch)));
-            }
+            let own = results.cells(&gallery.highlight, &area.name, &sketch.name, "psnr");
+            let best = results.best_of_each(&area.name, &sketch.name, "psnr");
+            let found = if with_best { difference(&own, &best) } else { own };
+            let here = found.into_iter().filter(|((.., of), _)| *of == seed);
+            margins.extend(here.map(|((row, col, _), margin)| (margin, Cell::new(row, col), sketch)));
         }
         margins.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // The worst, the best, the second worst, ...
@@ -144,26 +146,6 @@ pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// PSNR of the system above the best interpolator on that patch, dB; its PSNR when there is no interpolator.
-fn margin(
-    table: &ScoreTable,
-    gallery: &Gallery<'_>,
-    area: &Area,
-    cell: Cell,
-    sketch: &SketchSpec,
-    interpolators: &[String],
-) -> Option<f64> {
-    let column = table.column("psnr")?;
-    let here = (&area.name, cell.row, cell.col, gallery.seed, &sketch.name);
-    let is_here = |k: &super::rows::Key| (&k.area, k.row, k.col, k.seed, &k.sketch) == here;
-    let rows = || table.rows.iter().filter(|row| is_here(&row.key));
-    let own = rows().find(|row| row.key.system == gallery.highlight)?.values[column]?;
-    let others =
-        rows().filter(|row| interpolators.contains(&row.key.system)).filter_map(|row| row.values[column]);
-    let best = others.fold(f64::NEG_INFINITY, f64::max);
-    Some(if best.is_finite() { own - best } else { own }).filter(|margin| margin.is_finite())
 }
 
 /// Truth, lines and every system's terrain beside each other, in the same colours.

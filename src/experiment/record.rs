@@ -15,10 +15,10 @@
 //! [`pack`](Record::pack) keeps of it what a repository should hold: tables as `.csv.xz`, which are read like the others, and
 //! `summary.md`.
 
-use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint, csv_lines, csv_table};
+use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint};
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
-use crate::file;
+use crate::file::{self, csv_lines, csv_table};
 use crate::machine::{self, VECTOR_VARIABLE, VectorLevel};
 use lzma_rust2::{XzOptions, XzReader, XzWriter};
 use serde::de::DeserializeOwned;

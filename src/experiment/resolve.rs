@@ -4,10 +4,10 @@ use super::areas::{Area, Resolved, Terrain};
 use super::protocol::SketchSource;
 use super::protocols;
 use super::spec::{AreaSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
-use crate::dem::{CellSize, Dem};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
-use crate::grid::{Cell, Grid};
+use crate::grid::Cell;
 use crate::style::{Source, fingerprint};
 use std::borrow::Cow;
 
@@ -70,29 +70,9 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
 fn terrain_of(entry: &AreaSpec, terrain: &Terrain) -> Result<Dem> {
     let dem = terrain.load(entry.terrain.as_deref().unwrap_or(&entry.name))?;
     match entry.coarser {
-        Some(factor) if factor > 1 => coarsened(&dem, factor),
+        Some(factor) if factor > 1 => dem.coarsened(factor),
         _ => Ok(dem),
     }
-}
-
-/// Means of `factor` x `factor` cells; void where one of them is. What is left at the south and east is cut off.
-fn coarsened(dem: &Dem, factor: usize) -> Result<Dem> {
-    let (rows, cols) = (dem.shape().0 / factor, dem.shape().1 / factor);
-    if rows == 0 || cols == 0 {
-        return Err(Error::value("coarser", factor, format!("the terrain has {:?} cells", dem.shape())));
-    }
-    let inside = move |cell: Cell| {
-        let (row, col) = (cell.row * factor, cell.col * factor);
-        (0..factor * factor).map(move |i| Cell::new(row + i / factor, col + i % factor))
-    };
-    let valid = Grid::from_fn(rows, cols, |cell| inside(cell).all(|c| dem.valid()[c]));
-    let heights = Grid::from_fn(rows, cols, |cell| {
-        let sum: f64 = inside(cell).map(|c| f64::from(dem.heights()[c])).sum();
-        (sum / (factor * factor) as f64) as f32
-    });
-    let size = dem.cell_size();
-    let size = CellSize::new(size.x() * factor as f64, size.y() * factor as f64)?;
-    Dem::with_voids(heights, valid, size)
 }
 
 /// An area for every patch that can be the exemplar, where the file names none.

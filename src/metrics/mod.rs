@@ -36,7 +36,7 @@ pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};
 pub(crate) use ssim::{WINDOW, similarity, window_means, window_means_adjoint};
 pub use summary::{Spread, Summary};
-pub(crate) use two_sample::{WindowFeatures, told_share, window_features};
+pub use two_sample::{WINDOW_FEATURES, WindowFeatures, told_share, window_features};
 
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};

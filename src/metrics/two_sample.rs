@@ -30,13 +30,15 @@ const LEVEL: f64 = 0.017_455;
 /// What is known of a window: quantiles of slope and curvature over the mean slope (5 + 5), the logarithm of that slope, how much the
 /// slopes have one axis, strength, skewness and kurtosis of what each of three Gaussians takes away (9), and the shares of cells that see
 /// 0 to 8 higher and 0 to 8 lower neighbours (9 + 9).
-pub(crate) type WindowFeatures = Vec<f32>;
+pub type WindowFeatures = Vec<f32>;
+/// How many features a window has.
+pub const WINDOW_FEATURES: usize = 39;
 
 /// The features of every whole window without a void, row by row.
 ///
 /// # Errors
 /// When no window is whole.
-pub(crate) fn window_features(terrain: &Dem) -> Result<Vec<WindowFeatures>> {
+pub fn window_features(terrain: &Dem) -> Result<Vec<WindowFeatures>> {
     let (z, valid) = (terrain.heights(), terrain.valid());
     let (rows, cols) = z.shape();
     let side = terrain.cell_size().mean();
@@ -115,7 +117,7 @@ fn features(
 ///
 /// # Errors
 /// With fewer than two cases, a case without windows, or values that are not finite.
-pub(crate) fn told_share(cases: &[(Vec<WindowFeatures>, Vec<WindowFeatures>)], seed: Seed) -> Result<Vec<f64>> {
+pub fn told_share(cases: &[(Vec<WindowFeatures>, Vec<WindowFeatures>)], seed: Seed) -> Result<Vec<f64>> {
     if cases.len() < 2 || cases.iter().any(|(real, made)| real.is_empty() || made.is_empty()) {
         let allowed = "at least 2, each with windows of real and of made terrain";
         return Err(Error::value("cases to tell apart", cases.len(), allowed));
@@ -188,7 +190,7 @@ mod tests {
     fn windows_are_whole_and_features_finite() {
         let dem = hills(1, 5.0);
         let windows = window_features(&dem).unwrap();
-        assert_eq!((windows.len(), windows[0].len()), (16, 39));
+        assert_eq!((windows.len(), windows[0].len()), (16, WINDOW_FEATURES));
         assert!(windows.iter().flatten().all(|value| value.is_finite()));
         let mut valid = dem.valid().clone();
         valid[Cell::new(40, 70)] = false;

@@ -6,6 +6,7 @@
 
 mod config;
 mod detail;
+mod drain;
 mod file;
 mod heights;
 mod learn;
@@ -24,6 +25,7 @@ pub use crate::systems::singan::DetailConfig as GeneratorConfig;
 pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
 pub use config::{StyleConfig, generators, overlaid, overlay};
 pub use detail::{add_detail, amplify};
+pub(crate) use drain::Drain;
 pub use file::KEY;
 pub use learn::{learn, unfinished};
 pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, Stored, SystemPlan, detail_plan, system_plan};

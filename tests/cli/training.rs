@@ -2,6 +2,7 @@
 
 use super::{done, fails, run, temporary};
 use serde_json::Value;
+use std::path::Path;
 
 #[test]
 fn a_configuration_file_works_with_and_without_a_section_and_options_overrule_it() {
