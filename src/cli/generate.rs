@@ -265,7 +265,8 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         let seed = Seed(context.seed.0.wrapping_add(i as u64));
         let (terrain, provenance) = if args.sources.is_some() {
             let made = style.generate_traced(&lines, &args.method, Some(range), seed, &context.stop());
-            made.map(|(terrain, provenance)| (terrain, Some(provenance))).map_err(|e| e.in_file(&args.style))?
+            made.map(|(terrain, provenance)| (terrain, Some(provenance)))
+                .map_err(|e| e.in_file(&args.style))?
         } else {
             (style.generate(&lines, &args.method, Some(range), seed, &context.stop())?, None)
         };
@@ -282,7 +283,8 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         context
             .console
             .line(format!("{}: {rows}x{cols} cells of {side:.2} m, {low:.1} to {high:.1} m", path.display()));
-        if let (Some(path), Some(provenance), Some(exemplar)) = (sources.get(i), &provenance, &style.terrain) {
+        if let (Some(path), Some(provenance), Some(exemplar)) = (sources.get(i), &provenance, &style.terrain)
+        {
             super::sources::write(path, &dem, provenance, &sketch, exemplar)?;
             context.console.line(format!("wrote {}", path.display()));
         }

@@ -26,11 +26,17 @@ pub(super) fn write(
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         return viz::sources(terrain, provenance, sketch, exemplar)?.write_png(path);
     }
-    file::write_bytes(path, &arrays(provenance, sketch).map_err(|e| Error::file(path, "arrays", e, "plain numbers"))?)
+    file::write_bytes(
+        path,
+        &arrays(provenance, sketch).map_err(|e| Error::file(path, "arrays", e, "plain numbers"))?,
+    )
 }
 
 /// `row`, `col` and `symmetry` (-1 where a stroke gave the height) and `stroke` (the number of the stroke from 1, 0 elsewhere).
-fn arrays(provenance: &Provenance, sketch: &Sketch) -> std::result::Result<Vec<u8>, ndarray_npy::WriteNpzError> {
+fn arrays(
+    provenance: &Provenance,
+    sketch: &Sketch,
+) -> std::result::Result<Vec<u8>, ndarray_npy::WriteNpzError> {
     let origins = provenance.origins();
     let of = |f: fn(Cell, u8) -> i32| {
         array(origins.map(|origin| match *origin {

@@ -9,8 +9,8 @@ use crate::extract::{MainLines, MainLinesConfig};
 use crate::flow::{Surface, ponded_share};
 use crate::grid::{Cell, Grid};
 use crate::metrics::{
-    Contract, StrokeCheck, curvature_distance, geomorphon_distance, mean_slope_ratio, psnr, slope_distance,
-    sliced_wasserstein, spectrum_distance, ssim,
+    Contract, StrokeCheck, curvature_distance, geomorphon_distance, mean_slope_ratio, psnr,
+    sliced_wasserstein, slope_distance, spectrum_distance, ssim,
 };
 use crate::seed::Seed;
 use crate::sketch::{Sketch, StrokeKind};
@@ -91,7 +91,8 @@ impl StrokeCase {
             let found = || of().map(|stroke| stroke.cells as f64 * share(stroke)).sum::<f64>();
             (cells > 0).then(|| found() / cells as f64)
         };
-        let ponds = |heights: &Grid<f32>| Surface::new(heights.clone(), valid.clone()).map(|s| ponded_share(&s));
+        let ponds =
+            |heights: &Grid<f32>| Surface::new(heights.clone(), valid.clone()).map(|s| ponded_share(&s));
         let values = [
             contract.height_error.map(|error| error / (self.range.high() - self.range.low())),
             recall(StrokeKind::Ridge, |stroke| stroke.found),

@@ -54,7 +54,8 @@ pub fn to_csv(rows: &[PatchScore]) -> Result<String> {
     let header: Vec<&str> = first.into_iter().chain(names.iter().copied()).chain(["error"]).collect();
     let lines = rows.iter().map(|row| {
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
-        let scores = row.scores.as_ref().map(|scores| scores.values().map(|(_, value)| number(value)).to_vec());
+        let scores =
+            row.scores.as_ref().map(|scores| scores.values().map(|(_, value)| number(value)).to_vec());
         let first = [row.row.to_string(), row.col.to_string(), row.system.clone()];
         let measured =
             [format!("{:.4}", row.seconds), format!("{:.2}", row.relief), format!("{:.4}", row.line_share)];

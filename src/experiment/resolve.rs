@@ -56,7 +56,8 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     let source = protocols::of(spec.kind).sketch_source();
     if source != SketchSource::Areas {
         spec.sketch = spec.sketches();
-        let of_network = |sketch: &&mut SketchSpec| sketch.drawing.is_none() && source != SketchSource::MainLines;
+        let of_network =
+            |sketch: &&mut SketchSpec| sketch.drawing.is_none() && source != SketchSource::MainLines;
         for sketch in spec.sketch.iter_mut().filter(of_network) {
             sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
             sketch.accumulation = Some(sketch.accumulation.unwrap_or(spec.extraction.min_accumulation));

@@ -7,7 +7,8 @@ use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
 use crate::style::{
-    self, DetailPlan, GeneratorConfig, NETWORK, Preset, Registry, StyleConfig, SystemPlan, generators, overlaid,
+    self, DetailPlan, GeneratorConfig, NETWORK, Preset, Registry, StyleConfig, SystemPlan, generators,
+    overlaid,
 };
 use crate::systems::task::RandomHeights;
 use serde::{Deserialize, Deserializer, Serialize};

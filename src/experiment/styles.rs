@@ -144,7 +144,8 @@ fn trainings<'a>(resolved: &'a Resolved, folder: &Path) -> Result<Vec<Training<'
             let config = resolved.spec.config_of(style)?;
             for &seed in &resolved.spec.seeds {
                 let path = |detail| -> Result<PathBuf> {
-                    Ok(folder.join(format!("{}.safetensors", hash(&config, &style.learns, detail, area, seed)?)))
+                    Ok(folder
+                        .join(format!("{}.safetensors", hash(&config, &style.learns, detail, area, seed)?)))
                 };
                 let (path, coarse) = (path(style.detail.as_ref())?, path(None)?);
                 let plans = resolved.spec.plans(style)?;

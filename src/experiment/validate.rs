@@ -141,7 +141,12 @@ fn check_sketch(spec: &ExperimentSpec, sketch: &SketchSpec) -> Result<()> {
     };
     only(is_moved, "turn, mirror, shift or same_parts", SketchSource::MovedPatches, "invariance")?;
     only(sketch.drawing.is_some(), "drawing", SketchSource::Drawings, "drawings")?;
-    only(sketch.size.is_some() || sketch.share.is_some(), "size or share", SketchSource::MainLines, "strokes")?;
+    only(
+        sketch.size.is_some() || sketch.share.is_some(),
+        "size or share",
+        SketchSource::MainLines,
+        "strokes",
+    )?;
     if source != SketchSource::MainLines {
         let is_random = sketch.random.is_some() || sketch.random_heights.is_some();
         only(is_random, "random or random_heights", SketchSource::Drawings, "drawings\" or \"strokes")?;
@@ -152,7 +157,12 @@ fn check_sketch(spec: &ExperimentSpec, sketch: &SketchSpec) -> Result<()> {
     check(share > 0.0 && share <= 1.0, "share", share, "allowed: above 0 to 1")?;
     if source == SketchSource::MainLines {
         let of_network = sketch.order.is_some() || sketch.accumulation.is_some() || sketch.choose.is_some();
-        check(!of_network, "order, accumulation or choose", "given", "main lines are the longest: share says how many")?;
+        check(
+            !of_network,
+            "order, accumulation or choose",
+            "given",
+            "main lines are the longest: share says how many",
+        )?;
     }
     let has_count = sketch.strokes != Some(0) && (sketch.strokes.is_some() || sketch.choose.is_none());
     check(has_count, "strokes", format!("{:?}", sketch.strokes), "allowed: at least 1")?;

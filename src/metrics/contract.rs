@@ -162,7 +162,11 @@ impl Contract {
             self.largest_height_error
         );
         let of_style = self.style_pits.map(|pits| format!(" (of the style {})", share(Some(pits))));
-        text += &format!("cells in pits              {}{}\n", share(Some(self.pits)), of_style.unwrap_or_default());
+        text += &format!(
+            "cells in pits              {}{}\n",
+            share(Some(self.pits)),
+            of_style.unwrap_or_default()
+        );
         text += &format!("large rivers not asked for {}\n", share(self.unasked_rivers));
         text + &format!("large ridges not asked for {}\n", share(self.unasked_ridges))
     }

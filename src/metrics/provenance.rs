@@ -72,7 +72,8 @@ impl Provenance {
 
     /// Whether the cell at a step of the map, `there`, goes on from `here` in the exemplar.
     fn continues(here: Origin, there: Origin, (down, right): (i32, i32)) -> bool {
-        let (Origin::Exemplar { cell, symmetry }, Origin::Exemplar { cell: next, symmetry: other }) = (here, there)
+        let (Origin::Exemplar { cell, symmetry }, Origin::Exemplar { cell: next, symmetry: other }) =
+            (here, there)
         else {
             return false;
         };
@@ -99,7 +100,9 @@ impl Provenance {
                 for code in (0..8).step_by(2) {
                     let Some(there) = d8::neighbour(here, code, rows, cols) else { continue };
                     let step = (there.row as i32 - here.row as i32, there.col as i32 - here.col as i32);
-                    if pieces[there] == usize::MAX && Self::continues(self.origins[here], self.origins[there], step) {
+                    if pieces[there] == usize::MAX
+                        && Self::continues(self.origins[here], self.origins[there], step)
+                    {
                         pieces[there] = sizes.len();
                         open.push(there);
                     }

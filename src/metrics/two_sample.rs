@@ -11,7 +11,9 @@ use crate::grid::{Cell, Grid, d8, gaussian};
 use crate::seed::Seed;
 use rand::Rng;
 use rayon::prelude::*;
-use smartcore::ensemble::random_forest_classifier::{RandomForestClassifier, RandomForestClassifierParameters};
+use smartcore::ensemble::random_forest_classifier::{
+    RandomForestClassifier, RandomForestClassifierParameters,
+};
 use smartcore::linalg::basic::matrix::DenseMatrix;
 
 /// Side of a window, cells.
@@ -97,11 +99,7 @@ fn features(
         let centre = power(1);
         let spread = (power(2) - centre * centre).max(0.0).sqrt();
         let unit = spread.max(1e-9);
-        found.extend([
-            (spread / side / mean + 1e-6).ln(),
-            power(3) / unit.powi(3),
-            power(4) / unit.powi(4),
-        ]);
+        found.extend([(spread / side / mean + 1e-6).ln(), power(3) / unit.powi(3), power(4) / unit.powi(4)]);
     }
     let mut shares = [[0.0; 9]; 2];
     for cell in cells {
@@ -139,7 +137,8 @@ pub fn told_share(cases: &[(Vec<WindowFeatures>, Vec<WindowFeatures>)], seed: Se
             let mut shares = Vec::new();
             for (i, (real, made)) in cases.iter().enumerate().filter(|(i, _)| i % folds == fold) {
                 let windows: Vec<WindowFeatures> = real.iter().chain(made).cloned().collect();
-                let found = forest.predict(&DenseMatrix::from_2d_vec(&windows).map_err(failed)?).map_err(failed)?;
+                let found =
+                    forest.predict(&DenseMatrix::from_2d_vec(&windows).map_err(failed)?).map_err(failed)?;
                 let is_right = |(j, label): (usize, &u32)| usize::from(*label == u32::from(j >= real.len()));
                 let right: usize = found.iter().enumerate().map(is_right).sum();
                 shares.push((i, right as f64 / windows.len() as f64));
@@ -162,10 +161,15 @@ mod tests {
     fn hills(seed: u64, grain: f32) -> Dem {
         let mut stream = Seed(seed).stream("hills");
         let waves: Vec<[f32; 4]> = (0..12)
-            .map(|_| std::array::from_fn(|k| stream.sample::<f32, _>(rand::distr::StandardUniform) * [0.5, 0.5, 6.3, 30.0][k]))
+            .map(|_| {
+                std::array::from_fn(|k| {
+                    stream.sample::<f32, _>(rand::distr::StandardUniform) * [0.5, 0.5, 6.3, 30.0][k]
+                })
+            })
             .collect();
         let heights = Grid::from_fn(128, 128, |c| {
-            let sum: f32 = waves.iter().map(|w| w[3] * (w[0] * c.row as f32 + w[1] * c.col as f32 + w[2]).sin()).sum();
+            let sum: f32 =
+                waves.iter().map(|w| w[3] * (w[0] * c.row as f32 + w[1] * c.col as f32 + w[2]).sin()).sum();
             sum + grain * stream.sample::<f32, _>(rand::distr::StandardUniform)
         });
         Dem::new(heights, CellSize::square(30.0).unwrap()).unwrap()

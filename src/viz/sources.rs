@@ -26,16 +26,19 @@ const SEAM: f32 = 0.45;
 ///
 /// # Errors
 /// When the shapes of terrain, provenance and sketch differ, or a place lies outside the exemplar.
-pub(crate) fn sources(terrain: &Dem, provenance: &Provenance, sketch: &Sketch, exemplar: &Dem) -> Result<Picture> {
+pub(crate) fn sources(
+    terrain: &Dem,
+    provenance: &Provenance,
+    sketch: &Sketch,
+    exemplar: &Dem,
+) -> Result<Picture> {
     let origins = provenance.origins();
     if origins.shape() != terrain.shape() {
         let allowed = format!("the terrain has {:?} cells", terrain.shape());
         return Err(Error::value("shape of the sources", format!("{:?}", origins.shape()), allowed));
     }
     let outside = |origin: &&Origin| match origin {
-        Origin::Exemplar { cell, .. } => {
-            cell.row >= exemplar.shape().0 || cell.col >= exemplar.shape().1
-        }
+        Origin::Exemplar { cell, .. } => cell.row >= exemplar.shape().0 || cell.col >= exemplar.shape().1,
         Origin::Stroke => false,
     };
     if let Some(origin) = origins.as_slice().iter().find(outside) {
@@ -76,7 +79,11 @@ pub(crate) fn sources(terrain: &Dem, provenance: &Provenance, sketch: &Sketch, e
     Sheet::new(2)
         .panel(map, "terrain, in the colours of the places that gave its forms")
         .panel(beside, format!("the exemplar: {rows} rows, {cols} columns"))
-        .key([(style.ridge, "drawn ridge"), (style.valley, "drawn valley"), (Rgb::BLACK, "seam of two pieces")])
+        .key([
+            (style.ridge, "drawn ridge"),
+            (style.valley, "drawn valley"),
+            (Rgb::BLACK, "seam of two pieces"),
+        ])
         .draw()
 }
 
@@ -124,9 +131,8 @@ mod tests {
         let other = draw(&|c| place(c.row + 20, c.col + 10));
         let cut = draw(&|c| if c.col < 20 { place(c.row, c.col) } else { place(c.row, c.col + 1) });
         assert_ne!(whole, other);
-        let black = |picture: &Picture| {
-            picture.pixels().as_slice().iter().filter(|p| p.lightness() < 0.38).count()
-        };
+        let black =
+            |picture: &Picture| picture.pixels().as_slice().iter().filter(|p| p.lightness() < 0.38).count();
         assert!(black(&cut) > black(&whole) + 40, "{} {}", black(&cut), black(&whole));
         let drawn = Stroke {
             kind: StrokeKind::Ridge,
@@ -139,15 +145,11 @@ mod tests {
 
     #[test]
     fn sources_of_another_map_are_refused() {
-        let provenance = Provenance::new(Grid::filled(
-            8,
-            8,
-            Origin::Exemplar { cell: Cell::new(60, 2), symmetry: 0 },
-        ));
+        let provenance =
+            Provenance::new(Grid::filled(8, 8, Origin::Exemplar { cell: Cell::new(60, 2), symmetry: 0 }));
         let sketch = Sketch::new(8, 8, Vec::new()).unwrap();
-        let refused = |terrain: &Dem| {
-            sources(terrain, &provenance, &sketch, &dem(60, 50)).unwrap_err().to_string()
-        };
+        let refused =
+            |terrain: &Dem| sources(terrain, &provenance, &sketch, &dem(60, 50)).unwrap_err().to_string();
         assert!(refused(&dem(8, 9)).contains("shape of the sources"));
         assert!(refused(&dem(8, 8)).contains("60"));
     }

@@ -98,10 +98,9 @@ fn a_style_is_trained_used_and_scored() {
 
 /// `--sources` of the style in `at`, whose terrain is all of sierra.
 fn sources_are_written(at: &Path) {
-    let generate = |more: &[&str]| {
-        let base = ["generate", "s.safetensors", "--sketch", "single-stroke"];
-        [&base[..], more].concat()
-    };
+    fn generate<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        [&["generate", "s.safetensors", "--sketch", "single-stroke"], more].concat()
+    }
     done(at, &generate(&["-o", "d.tif", "--sources", "d.npz"]));
     let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(at.join("d.npz")).unwrap()).unwrap();
     let mut read = |name: &str| -> ndarray::Array2<i32> { npz.by_name(name).unwrap() };
@@ -113,7 +112,10 @@ fn sources_are_written(at: &Path) {
             strokes += 1;
             assert_eq!(place, [-1; 3], "{at:?}");
         } else {
-            assert!(stroke == 0 && (0..512).contains(&place[0]) && (0..512).contains(&place[1]), "{at:?} {place:?}");
+            assert!(
+                stroke == 0 && (0..512).contains(&place[0]) && (0..512).contains(&place[1]),
+                "{at:?} {place:?}"
+            );
             assert!((0..8).contains(&place[2]), "{at:?} {place:?}");
         }
     }

@@ -106,7 +106,10 @@ impl Page {
         report = report
             .figures(figures)
             .figure(&self.drawings, "Four drawings in two styles, by synthesis: strokes beside terrain")
-            .figure(&self.variants, "One drawing from three seeds: strokes hold, what lies between them is laid out anew");
+            .figure(
+                &self.variants,
+                "One drawing from three seeds: strokes hold, what lies between them is laid out anew",
+            );
         let mut figures = Vec::new();
         for (s, pictures) in results.styles.iter().zip(&self.styles) {
             figures.push(Figure::new(&pictures.random, format!("With random lines, for {}", s.title)));
@@ -211,8 +214,8 @@ fn drawings(results: &DemoResults, styles: &[StylePictures], drawing: &Picture) 
 
 /// A row for each style: the strokes of one drawing, and its terrain from several seeds.
 fn variants(results: &DemoResults) -> Result<Picture> {
-    let mut sheet = Sheet::new(1 + results.styles[0].variants.len())
-        .row_heads(results.styles.iter().map(|s| s.name));
+    let mut sheet =
+        Sheet::new(1 + results.styles[0].variants.len()).row_heads(results.styles.iter().map(|s| s.name));
     for s in &results.styles {
         sheet = sheet.panel(LineArt::try_from(&results.others[0])?.on_paper(SCALE)?.shrunk(2), "strokes");
         for (i, terrain) in s.variants.iter().enumerate() {

@@ -130,7 +130,8 @@ impl Protocol for Strokes {
             for sketch in gallery.sketches.iter().take(resolved.spec.pictures) {
                 let Some(&cell) = self.cells(resolved, area, sketch).first() else { continue };
                 let case = Case::new(area, cell, sketch, seed)?;
-                let task = Task { resolved, area, cell, sketch, systems: &systems, seed, record: gallery.record };
+                let task =
+                    Task { resolved, area, cell, sketch, systems: &systems, seed, record: gallery.record };
                 let StrokeCase { truth, range, drawn } = &case.of;
                 let painter = Painter::new(truth, *range);
                 let unit = |dem: &Dem| range.normalize(dem);

@@ -69,11 +69,9 @@ impl Synthesis {
             landscape::breach(&pinned, lines, &BreachConfig { pit_share, ..Default::default() }, stop)?;
         Ok(Synthesized {
             heights: drained.heights,
-            provenance: provenance(
-                &made.field.sources.crop(Cell::new(0, 0), rows, cols)?,
-                lines,
-                |cell| self.own_cell(cell),
-            ),
+            provenance: provenance(&made.field.sources.crop(Cell::new(0, 0), rows, cols)?, lines, |cell| {
+                self.own_cell(cell)
+            }),
             has_landscape: made.landscape.is_some(),
             pits: (drained.pits_before, drained.pits_after),
         })

@@ -6,11 +6,7 @@ use crate::metrics::{Origin, Provenance};
 use crate::sketch::LineMap;
 
 /// `own`: the cell of the exemplar that was given for a cell of the one that was searched.
-pub(super) fn provenance(
-    sources: &Grid<Source>,
-    lines: &LineMap,
-    own: impl Fn(Cell) -> Cell,
-) -> Provenance {
+pub(super) fn provenance(sources: &Grid<Source>, lines: &LineMap, own: impl Fn(Cell) -> Cell) -> Provenance {
     let (rows, cols) = sources.shape();
     Provenance::new(Grid::from_fn(rows, cols, |c| {
         if lines.kinds()[c].is_some() {

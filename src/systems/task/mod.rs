@@ -52,12 +52,7 @@ pub trait SketchToTerrain: Send + Sync {
 
     /// The same terrain with where every cell comes from, of systems that lay it from places of an exemplar and for which
     /// [`generate`](Self::generate) and [`draw`](Self::draw) are one. None, before any work, of all others.
-    fn traced(
-        &self,
-        _lines: &LineMap,
-        _seed: Seed,
-        _stop: &Stop,
-    ) -> Option<Result<(Grid<f32>, Provenance)>> {
+    fn traced(&self, _lines: &LineMap, _seed: Seed, _stop: &Stop) -> Option<Result<(Grid<f32>, Provenance)>> {
         None
     }
 
