@@ -33,6 +33,9 @@ pub(crate) const STROKE_SCORES: [&str; 14] = [
     "psnr",
 ];
 
+/// Fewest columns to learn from that are left for the sake of large truths.
+const LEAST_WEST: usize = 256;
+
 /// A truth and what a hand draws of it.
 pub(crate) struct StrokeCase {
     /// The truth.
@@ -44,6 +47,24 @@ pub(crate) struct StrokeCase {
 }
 
 impl StrokeCase {
+    /// How many columns of terrain may be learned from where truths lie in its east: half of them, or as many as the `largest` truths leave
+    /// where these are 256 or more.
+    pub(crate) fn west_of(cols: usize, largest: usize) -> usize {
+        let beside = cols.saturating_sub(largest);
+        if beside >= LEAST_WEST { beside.min(cols / 2) } else { cols / 2 }
+    }
+
+    /// Where truths of a side lie beside what was learned: at the eastern frame, in its north and south, or in the middle where the two
+    /// would overlap; nowhere where they do not fit.
+    pub(crate) fn places(dem: &Dem, learned_columns: usize, side: usize) -> Vec<Cell> {
+        let (rows, cols) = dem.shape();
+        if side > rows || learned_columns + side > cols {
+            return Vec::new();
+        }
+        let tops = if rows >= 2 * side { vec![0, rows - side] } else { vec![(rows - side) / 2] };
+        tops.into_iter().map(|row| Cell::new(row, cols - side)).collect()
+    }
+
     /// Draws at most `strokes` lines, half of them valleys, of the `side` x `side` cells at `origin`, each of which drains at least `share` of
     /// them (the usual one when none). Every seed is another hand.
     ///
@@ -122,6 +143,17 @@ mod tests {
     fn case(strokes: usize, seed: u64) -> StrokeCase {
         let dem = bundled::load("sierra").unwrap();
         StrokeCase::new(&dem, Cell::new(0, 384), 128, Some(strokes), None, Seed(seed)).unwrap()
+    }
+
+    #[test]
+    fn truths_lie_beside_what_is_learned() {
+        assert_eq!([512, 640, 896].map(|cols| StrokeCase::west_of(cols, 256)), [256, 320, 448]);
+        assert_eq!([512, 640, 896].map(|cols| StrokeCase::west_of(cols, 512)), [256, 320, 384]);
+        let dem = bundled::load("sierra").unwrap();
+        let places = |learned, side| StrokeCase::places(&dem, learned, side);
+        assert_eq!(places(256, 256), [Cell::new(0, 256), Cell::new(256, 256)]);
+        assert_eq!(places(200, 300), [Cell::new(106, 212)]);
+        assert!(places(256, 257).is_empty() && places(0, 513).is_empty());
     }
 
     #[test]

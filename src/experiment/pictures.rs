@@ -6,17 +6,14 @@ use super::record::Record;
 use super::results::{Results, difference};
 use super::spec::SketchSpec;
 use super::styles::Styles;
-use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
 use crate::evaluate::{PATCH, Rebuilt};
 use crate::file;
-use crate::grid::{Cell, Grid, Mask};
+use crate::grid::Cell;
 use crate::sketch::LineMap;
-use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Rgb, Sheet};
+use crate::viz::{LineArt, LineStyle, Painter, Picture, Rgb, Sheet};
 use std::collections::VecDeque;
 
-/// Pixels per cell.
-const SCALE: usize = 2;
 /// Panels per row of a patch's sheet.
 const COLUMNS: usize = 4;
 
@@ -58,51 +55,14 @@ impl<'a> Gallery<'a> {
     }
 }
 
-/// Unit heights as pictures in colours that are the same for all of a sheet.
-pub(super) struct Painter {
-    relief: Relief,
-    range: Normalization,
-    cell_size: CellSize,
-}
-
-impl Painter {
-    /// In the colours of `reference`.
-    pub(super) fn new(reference: &Dem, range: Normalization) -> Self {
-        let relief = Relief::with_palette(Palette::Alpine).scaled(SCALE).fixed_for(reference);
-        Self { relief, range, cell_size: reference.cell_size() }
-    }
-
-    /// In the colours of the patch at a cell.
-    pub(super) fn of_patch(area: &Area, cell: Cell) -> Result<Self> {
-        let reference = area.dem.crop(cell, PATCH, PATCH)?;
-        let range = Normalization::of(&reference);
-        Ok(Self::new(&reference, range))
-    }
-
-    pub(super) fn draw(&self, unit: &Grid<f32>, valid: &Mask) -> Result<Picture> {
-        let heights = unit.map(|&z| self.range.to_metres(f64::from(z)) as f32);
-        self.relief.draw(&Dem::with_voids(heights, valid.clone(), self.cell_size)?)
-    }
-
-    pub(super) fn draw_whole(&self, unit: &Grid<f32>) -> Result<Picture> {
-        self.draw(unit, &unit.map(|_| true))
-    }
-
-    /// The sheet with the scales of colours and lengths.
-    pub(super) fn finish(&self, sheet: Sheet) -> Result<Picture> {
-        let bar = ColorBar::new(self.relief.palette, self.range.low(), self.range.high(), "Height, m")?;
-        sheet.color_bar(bar).scale_bar(self.cell_size.x() / SCALE as f64).draw()
-    }
-}
-
 /// Lines on paper.
 pub(super) fn paper(lines: &LineMap) -> Result<Picture> {
-    LineArt::from(lines).on_paper(SCALE)
+    LineArt::from(lines).on_paper(Painter::SCALE)
 }
 
 /// The place of a panel that there is not.
 pub(super) fn blank() -> Picture {
-    Picture::filled(PATCH * SCALE, PATCH * SCALE, Rgb::WHITE)
+    Picture::filled(PATCH * Painter::SCALE, PATCH * Painter::SCALE, Rgb::WHITE)
 }
 
 /// A name as a part of a file's name.
@@ -150,7 +110,7 @@ pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
 
 /// Truth, lines and every system's terrain beside each other, in the same colours.
 fn sheet(area: &Area, patch: &Rebuilt, rows: &[Measured], title: String) -> Result<Picture> {
-    let painter = Painter::of_patch(area, patch.origin)?;
+    let painter = Painter::of(&area.dem.crop(patch.origin, PATCH, PATCH)?);
     let drawn = painter.draw(&patch.truth, &patch.valid)?;
     let mut lined = drawn.clone();
     LineArt::from(&patch.lines).overlay(&mut lined, &LineStyle::default())?;

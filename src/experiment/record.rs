@@ -20,11 +20,9 @@ use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
 use crate::file::{self, csv_lines, csv_table};
 use crate::machine::{self, VECTOR_VARIABLE, VectorLevel};
-use lzma_rust2::{XzOptions, XzReader, XzWriter};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// No file of a record is larger.
@@ -371,13 +369,7 @@ impl Record {
             if !path.is_file() {
                 continue;
             }
-            let text = file::read_whole(&path, LARGEST)?;
-            file::write_atomically(&self.path(&format!("{name}.xz")), |out| {
-                let mut xz =
-                    XzWriter::new(out, XzOptions::with_preset(9)).map_err(Error::io(&path, "compress"))?;
-                xz.write_all(&text).map_err(Error::io(&path, "compress"))?;
-                xz.finish().map(|_| ()).map_err(Error::io(&path, "compress"))
-            })?;
+            file::write_packed(&self.path(&format!("{name}.xz")), &file::read_whole(&path, LARGEST)?)?;
             file::remove(&path)?;
         }
         PASSING.iter().try_for_each(|name| file::remove(&self.path(name)))
@@ -388,11 +380,7 @@ impl Record {
         if self.path(name).exists() || !packed.is_file() {
             return file::read_text(&self.path(name), LARGEST);
         }
-        let bytes = file::read_whole(&packed, LARGEST)?;
-        let mut text = String::new();
-        let mut reader = XzReader::new(bytes.as_slice(), false).take(LARGEST);
-        reader.read_to_string(&mut text).map_err(Error::io(&packed, "decompress"))?;
-        Ok(text)
+        file::read_packed(&packed, LARGEST)
     }
 }
 

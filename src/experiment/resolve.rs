@@ -6,13 +6,10 @@ use super::protocols;
 use super::spec::{AreaSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
+use crate::evaluate::{PATCH, StrokeCase, choose_exemplar, patch_cells};
 use crate::grid::Cell;
 use crate::style::{Source, fingerprint};
 use std::borrow::Cow;
-
-/// Fewest columns of terrain to learn from that are left for the sake of large truths.
-const LEAST_WEST: usize = 256;
 
 /// Fills in everything that an experiment leaves open.
 ///
@@ -121,17 +118,13 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
     Ok(Area { name: entry.name.clone(), dem, source, patches })
 }
 
-/// What styles may learn from: all of the terrain, or where truths lie in its east the western half; less than that where the largest truths
-/// want more, as long as [`LEAST_WEST`] columns are left.
+/// What styles may learn from: all of the terrain, or its west where truths lie in its east.
 fn western<'a>(spec: &ExperimentSpec, dem: &'a Dem) -> Result<Cow<'a, Dem>> {
     if protocols::of(spec.kind).sketch_source() != SketchSource::MainLines {
         return Ok(Cow::Borrowed(dem));
     }
-    let (rows, cols) = dem.shape();
-    let largest = spec.sketch.iter().map(SketchSpec::size).max().unwrap_or(0);
-    let beside = cols.saturating_sub(largest);
-    let west = if beside >= LEAST_WEST { beside.min(cols / 2) } else { cols / 2 };
-    Ok(Cow::Owned(dem.crop(Cell::new(0, 0), rows, west)?))
+    let west = StrokeCase::west_of(dem.shape().1, spec.largest_truth());
+    Ok(Cow::Owned(dem.crop(Cell::new(0, 0), dem.shape().0, west)?))
 }
 
 /// The test patches of an area.

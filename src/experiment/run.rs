@@ -4,7 +4,7 @@
 //! or threads, nor on how often the run was interrupted. Cost: the trainings, each with the memory of one.
 
 use super::areas::{Area, Resolved};
-use super::events::{Event, without_panic};
+use super::events::Event;
 use super::measure::{Task, value_of};
 use super::pictures::Gallery;
 use super::protocol::{Finished, Protocol};
@@ -13,6 +13,7 @@ use super::record::{Record, Session};
 use super::rows::{Key, ScoreRow, Timed};
 use super::spec::{ExperimentSpec, SketchSpec};
 use super::styles::Styles;
+use crate::control::without_panic;
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::machine;

@@ -6,12 +6,10 @@
 use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::style::{
-    self, DetailPlan, GeneratorConfig, NETWORK, Preset, Registry, StyleConfig, SystemPlan, generators,
-    overlaid,
-};
+pub use crate::style::DetailSpec;
+use crate::style::{self, NETWORK, Preset, Registry, StyleConfig, SystemPlan, overlaid};
 use crate::systems::task::RandomHeights;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What is done with the trained styles: the name of a protocol.
@@ -130,52 +128,6 @@ pub struct StyleSpec {
     /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"paper"` (SinGAN as it was published), or generators
     /// with these settings. Without it the style is coarse only.
     pub detail: Option<DetailSpec>,
-}
-
-/// The word `patches`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Patches {
-    /// The exemplar's own patches.
-    Patches,
-}
-
-/// The detail of a style.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum DetailSpec {
-    /// The exemplar's patches.
-    Patches(Patches),
-    /// Generators, trained with these settings.
-    Generators(GeneratorConfig),
-}
-
-impl DetailSpec {
-    /// The detail, to learn with these settings.
-    ///
-    /// # Errors
-    /// When one is out of range.
-    pub fn plan(&self) -> Result<Arc<dyn DetailPlan>> {
-        match self {
-            Self::Patches(_) => Registry::default().plan_detail("patches", &toml::Table::new()),
-            Self::Generators(settings) => generators(settings.clone()),
-        }
-    }
-}
-
-// Not derived: an untagged enum would not say which key is wrong.
-impl<'de> Deserialize<'de> for DetailSpec {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        match toml::Value::deserialize(deserializer)? {
-            toml::Value::String(name) => match name.as_str() {
-                "patches" => Ok(Self::Patches(Patches::Patches)),
-                "generators" => Ok(Self::Generators(GeneratorConfig::default())),
-                "paper" => Ok(Self::Generators(GeneratorConfig::paper())),
-                _ => Err(serde::de::Error::unknown_variant(&name, &["patches", "generators", "paper"])),
-            },
-            settings => settings.try_into().map(Self::Generators).map_err(serde::de::Error::custom),
-        }
-    }
 }
 
 /// One piece of terrain.
@@ -336,14 +288,7 @@ impl ExperimentSpec {
         if self.interpolators == ["all"] {
             return Ok(known);
         }
-        if let Some(bad) = self.interpolators.iter().find(|name| !known.contains(name)) {
-            return Err(Error::value(
-                "interpolators",
-                bad,
-                format!("allowed: all (alone), {}", known.join(", ")),
-            ));
-        }
-        Ok(known.into_iter().filter(|name| self.interpolators.contains(name)).collect())
+        chosen(known, &self.interpolators, || "interpolators".to_owned(), "all (alone), ")
     }
 
     /// The registry's names of the ways in which a style is used, in the registry's order.
@@ -355,11 +300,7 @@ impl ExperimentSpec {
         if style.systems.is_empty() {
             return Ok(known);
         }
-        if let Some(bad) = style.systems.iter().find(|name| !known.contains(name)) {
-            let name = format!("systems of style {:?}", style.name);
-            return Err(Error::value(name, bad, format!("allowed: {}", known.join(", "))));
-        }
-        Ok(known.into_iter().filter(|name| style.systems.contains(name)).collect())
+        chosen(known, &style.systems, || format!("systems of style {:?}", style.name), "")
     }
 
     /// The coarse systems of a style, to learn.
@@ -398,6 +339,11 @@ impl ExperimentSpec {
         overlaid(&base, [&self.overrides, &style.set], "configuration").map_err(named)
     }
 
+    /// Side of the largest truths of `strokes`, cells.
+    pub(super) fn largest_truth(&self) -> usize {
+        self.sketch.iter().map(SketchSpec::size).max().unwrap_or(0)
+    }
+
     /// The system that the experiment is about.
     ///
     /// # Errors
@@ -405,6 +351,19 @@ impl ExperimentSpec {
     pub fn highlighted(&self) -> Result<String> {
         let first = || self.systems().map(|systems| systems[0].clone());
         self.highlight.clone().map_or_else(first, Ok)
+    }
+}
+
+/// Those of the `known` names that are `wanted`, in their own order.
+fn chosen(
+    known: Vec<String>,
+    wanted: &[String],
+    key: impl Fn() -> String,
+    others: &str,
+) -> Result<Vec<String>> {
+    match wanted.iter().find(|name| !known.contains(name)) {
+        Some(bad) => Err(Error::value(key(), bad, format!("allowed: {others}{}", known.join(", ")))),
+        None => Ok(known.into_iter().filter(|name| wanted.contains(name)).collect()),
     }
 }
 

@@ -3,12 +3,12 @@
 //! All that this room knows of training stands here.
 
 use super::areas::{Area, Resolved};
-use super::events::{Event, without_panic};
+use super::events::Event;
 use super::measure::Systems;
 use super::record::TrainingRow;
 
 use super::spec::{DetailSpec, ExperimentSpec, StyleSpec};
-use crate::control::{Checkpoints, Control, Progress, Stage};
+use crate::control::{Checkpoints, Control, Progress, Stage, without_panic};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::seed::Seed;

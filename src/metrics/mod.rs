@@ -10,6 +10,7 @@ mod embedding;
 mod error;
 mod landforms;
 mod lines;
+mod naming;
 mod patches;
 mod provenance;
 mod relief;
@@ -25,6 +26,7 @@ pub use embedding::{Labelled, Separation, separation, tsne};
 pub use error::{psnr, rmse};
 pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
+pub(crate) use naming::{decimals, lower_is_better, title};
 pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
 pub use provenance::{Origin, Provenance, SourceAudit};
 pub use relief::{
@@ -35,7 +37,7 @@ pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
 pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};
 pub(crate) use ssim::{WINDOW, similarity, window_means, window_means_adjoint};
-pub use summary::{Spread, Summary};
+pub use summary::{Spread, Stat, Summary};
 pub use two_sample::{WINDOW_FEATURES, WindowFeatures, told_share, window_features};
 
 use crate::error::{Error, Result};

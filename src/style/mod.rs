@@ -6,6 +6,7 @@
 
 mod config;
 mod detail;
+mod detail_spec;
 mod drain;
 mod file;
 mod heights;
@@ -25,6 +26,7 @@ pub use crate::systems::singan::DetailConfig as GeneratorConfig;
 pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
 pub use config::{StyleConfig, generators, overlaid, overlay};
 pub use detail::{add_detail, amplify};
+pub use detail_spec::{DetailSpec, Patches};
 pub(crate) use drain::Drain;
 pub use file::KEY;
 pub use learn::{learn, unfinished};

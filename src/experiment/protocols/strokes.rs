@@ -1,9 +1,8 @@
 //! Terrain from the few strokes that a hand would draw of terrain that no style has seen.
 //!
-//! The exemplars are the western parts of their areas; truths lie in the east. Of each its longest valleys and ridges are
-//! drawn as a hand would ([`StrokeCase`]; every seed is another hand), every system makes terrain of them in metres, and that is held against
-//! the truth as a landscape rather than cell by cell. When all is made, a classifier says how many windows can be told from real ones
-//! ([`told_share`]).
+//! The exemplars are the western parts of their areas; truths lie in the east. Of each its longest valleys and ridges are drawn as a
+//! hand would (every seed is another hand), every system makes terrain of them in metres, and that is held against the truth as a
+//! landscape ([`StrokeCase`]). When all is made, a classifier says how many windows can be told from real ones ([`told_share`]).
 
 use super::general;
 use crate::arrays::Arrays;
@@ -13,7 +12,7 @@ use crate::error::Result;
 use crate::evaluate::{STROKE_SCORES, StrokeCase};
 use crate::experiment::areas::{Area, Resolved};
 use crate::experiment::measure::{Measured, Task};
-use crate::experiment::pictures::{Gallery, Painter, plain};
+use crate::experiment::pictures::{Gallery, plain};
 use crate::experiment::protocol::{Finding, Protocol, SketchSource, check};
 use crate::experiment::record::Record;
 use crate::experiment::results::Results;
@@ -26,14 +25,12 @@ use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::style::Named;
 use crate::systems::task::{Ground, with_random_lines};
-use crate::viz::{LineArt, LineStyle, Sheet};
+use crate::viz::{LineArt, LineStyle, Painter, Sheet};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
 const TOLD: &str = "told_share";
-/// The folder of windows in the record.
-const WINDOWS: &str = "windows";
 /// The name of the truth's windows.
 const TRUTH: &str = "truth";
 
@@ -60,16 +57,9 @@ impl Protocol for Strokes {
         check(!spec.sketch.is_empty(), "number of sketches", 0, "kind = \"strokes\" needs at least one")
     }
 
-    /// North and south ends of the east, or the middle where the two would overlap; none where truths of that size do not fit.
-    fn cells(&self, _: &Resolved, area: &Area, sketch: &SketchSpec) -> Vec<Cell> {
-        let (rows, cols) = area.dem.shape();
-        let side = sketch.size();
-        let first = area.source.terrain.shape().1;
-        if side > rows || first + side > cols {
-            return Vec::new();
-        }
-        let tops = if rows >= 2 * side { vec![0, rows - side] } else { vec![(rows - side) / 2] };
-        tops.into_iter().map(|row| Cell::new(row, cols - side)).collect()
+    fn cells(&self, resolved: &Resolved, area: &Area, sketch: &SketchSpec) -> Vec<Cell> {
+        let west = StrokeCase::west_of(area.dem.shape().1, resolved.spec.largest_truth());
+        StrokeCase::places(&area.dem, west, sketch.size())
     }
 
     fn measure(&self, task: &Task<'_>) -> Result<Vec<Measured>> {
@@ -133,7 +123,7 @@ impl Protocol for Strokes {
                 let task =
                     Task { resolved, area, cell, sketch, systems: &systems, seed, record: gallery.record };
                 let StrokeCase { truth, range, drawn } = &case.of;
-                let painter = Painter::new(truth, *range);
+                let painter = Painter::of(truth);
                 let unit = |dem: &Dem| range.normalize(dem);
                 let mut truth = painter.draw(&unit(truth), truth.valid())?;
                 LineArt::try_from(drawn)?.overlay(&mut truth, &LineStyle::default())?;
@@ -186,11 +176,9 @@ impl Case {
 struct Windows(PathBuf);
 
 impl Windows {
-    const KEY: &str = "windows";
-
     fn at(record: &Record, area: &str, cell: Cell, seed: u64, sketch: &str) -> Self {
         let name = format!("{}-{}-{}-{seed}-{}", plain(area), cell.row, cell.col, plain(sketch));
-        Self(record.path(&format!("{WINDOWS}/{name}.safetensors")))
+        Self(record.path(&format!("windows/{name}.safetensors")))
     }
 
     fn write(&self, all: &[(String, Vec<WindowFeatures>)]) -> Result<()> {
@@ -199,12 +187,12 @@ impl Windows {
             arrays.put_f32(name, &[windows.len(), WINDOW_FEATURES], &windows.concat());
         }
         self.0.parent().map_or(Ok(()), file::create_folder)?;
-        arrays.write(&self.0, Self::KEY, String::new())
+        arrays.write(&self.0, TRUTH, String::new())
     }
 
     /// Windows of the truth and of a system.
     fn pair(&self, system: &str) -> Result<(Vec<WindowFeatures>, Vec<WindowFeatures>)> {
-        let (_, mut arrays) = Arrays::read(&self.0, Self::KEY, "windows")?;
+        let (_, mut arrays) = Arrays::read(&self.0, TRUTH, "windows")?;
         let mut take = |name: &str| -> Result<Vec<WindowFeatures>> {
             Ok(arrays.take_f32(name)?.chunks(WINDOW_FEATURES).map(<[f32]>::to_vec).collect())
         };
