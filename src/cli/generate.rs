@@ -85,8 +85,8 @@ pub(super) struct GenerateArgs {
     /// Terrain from so many seeds, beginning with --seed: OUTPUT, OUTPUT-2, ... and a picture of all, OUTPUT-variants.png
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=24))]
     variants: u8,
-    /// Cut dams between the strokes until no more of the terrain lies in pits than of the style's: auto where rivers made the style
-    /// (synthesis and landscape do so themselves), always (also without a word), never
+    /// Keep rivers in the drawn valleys, and cut dams until no more of the terrain lies in pits than of the style's: auto where rivers
+    /// made the style, always (also without a word), never (of synthesis and landscape: no more than they do themselves)
     #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_value = "auto",
         default_missing_value = "always")]
     drain: DrainName,
@@ -275,7 +275,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
             Error::Value { .. } => e.in_file(&args.style),
             other => other,
         })?;
-        let terrain = args.drained(&how, terrain, context)?;
+        let terrain = args.drained(&how, &sketch, terrain, context)?;
         let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
         io::write(&dem, path, &WriteOptions::default())?;
         let (low, high) = dem.range();
@@ -300,12 +300,15 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
 
 impl GenerateArgs {
     /// `terrain`, in metres, with ways out for water as far as that is wanted.
-    fn drained(&self, how: &Use<'_>, terrain: Grid<f32>, context: &Context) -> Result<Grid<f32>> {
-        let drain = Drain::from(self.drain);
-        if drain == Drain::LikeExemplar && how.is_complete && !self.detail.is_asked() {
-            return Ok(terrain);
-        }
-        let Some(drained) = how.style.drained(&terrain, how.lines, drain, &context.stop())? else {
+    fn drained(
+        &self,
+        how: &Use<'_>,
+        sketch: &Sketch,
+        terrain: Grid<f32>,
+        context: &Context,
+    ) -> Result<Grid<f32>> {
+        let stop = context.stop();
+        let Some(drained) = how.style.drained(&terrain, sketch, self.drain.into(), &stop)? else {
             return Ok(terrain);
         };
         let percent = |share: f64| 100.0 * share;
