@@ -132,7 +132,7 @@ mod tests {
         let cut = draw(&|c| if c.col < 20 { place(c.row, c.col) } else { place(c.row, c.col + 1) });
         assert_ne!(whole, other);
         let black =
-            |picture: &Picture| picture.pixels().as_slice().iter().filter(|p| p.lightness() < 0.38).count();
+            |picture: &Picture| picture.pixels().as_slice().iter().filter(|p| p.lightness() < 0.5).count();
         assert!(black(&cut) > black(&whole) + 40, "{} {}", black(&cut), black(&whole));
         let drawn = Stroke {
             kind: StrokeKind::Ridge,
