@@ -255,8 +255,14 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     let lines = sketch.rasterize();
     let system = style.system_for(&lines, &args.method).map_err(|e| e.in_file(&args.style))?;
     let share = 100.0 * lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64;
+    let most = 100.0 * system.sparse_up_to();
+    let why = match args.method {
+        Method::System(_) => "as asked for".to_owned(),
+        Method::Auto if most > 0.0 => format!("up to {most:.0} % its terrain looks more real"),
+        Method::Auto => "nearer to the heights of dense sketches; --method synthesis for others".to_owned(),
+    };
     context.console.note(format!(
-        "{}: strokes on {share:.1} % of the cells: terrain by {} (--method)",
+        "{}: strokes on {share:.1} % of the cells: terrain by {}, {why} (--method)",
         args.sketch.display(),
         system.name()
     ));
