@@ -110,6 +110,16 @@ impl<'a> Control<'a> {
     }
 }
 
+/// What `work` gives; a fault of ours in one cell of a long run is that cell's error and not the end of all.
+pub(crate) fn without_panic<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().cloned();
+        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
+        let found = format!("a panic ({})", text.unwrap_or_else(|| "without a word".to_owned()));
+        Err(Error::value("state of the program", found, "a fault of monadnock: please report it"))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

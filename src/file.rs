@@ -3,6 +3,8 @@
 //! In: a path. Out: its bytes, or the finished file in its place. Cost: one pass; reading holds the whole file.
 
 use crate::error::{Error, Result};
+use lzma_rust2::{XzOptions, XzReader, XzWriter};
+use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -163,6 +165,56 @@ where
 #[must_use]
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Writes text as `.xz`, packed as well as it goes.
+///
+/// # Errors
+/// When the file cannot be written.
+pub(crate) fn write_packed(path: &Path, text: &[u8]) -> Result<()> {
+    write_atomically(path, |out| {
+        let packed = XzWriter::new(out, XzOptions::with_preset(9)).and_then(|mut xz| {
+            xz.write_all(text)?;
+            xz.finish()
+        });
+        packed.map(|_| ()).map_err(Error::io(path, "compress"))
+    })
+}
+
+/// Reads the text of an `.xz` file, as far as `limit` bytes packed and unpacked.
+///
+/// # Errors
+/// As [`read_whole`]; when it is not whole, or no text.
+pub(crate) fn read_packed(path: &Path, limit: u64) -> Result<String> {
+    let bytes = read_whole(path, limit)?;
+    let mut text = String::new();
+    let mut reader = XzReader::new(bytes.as_slice(), false).take(limit);
+    reader.read_to_string(&mut text).map_err(Error::io(path, "decompress"))?;
+    Ok(text)
+}
+
+/// Lines of CSV without a header.
+///
+/// # Errors
+/// When a line is not plain data.
+pub(crate) fn csv_lines<T: Serialize>(lines: impl IntoIterator<Item = T>) -> Result<String> {
+    let mut writer = csv::WriterBuilder::new().has_headers(false).flexible(true).from_writer(Vec::new());
+    finish_csv(lines.into_iter().try_for_each(|line| writer.serialize(line)), writer)
+}
+
+/// A table of CSV whose header names the fields of its rows.
+///
+/// # Errors
+/// As [`csv_lines`].
+pub(crate) fn csv_table<T: Serialize>(rows: &[T]) -> Result<String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    finish_csv(rows.iter().try_for_each(|row| writer.serialize(row)), writer)
+}
+
+fn finish_csv(written: csv::Result<()>, writer: csv::Writer<Vec<u8>>) -> Result<String> {
+    let plain = |e: &dyn std::fmt::Display| Error::value("table", e, "allowed: plain rows");
+    written.map_err(|e| plain(&e))?;
+    String::from_utf8(writer.into_inner().map_err(|e| plain(&e))?).map_err(|e| plain(&e))
 }
 
 #[cfg(test)]

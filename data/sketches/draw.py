@@ -161,5 +161,29 @@ def empty_corner():
           ("ridge", spline(west))])
 
 
-for draw in (a_circle, empty_corner, fault_line, lambda_ring, p_valley, volcano_ring, meander, single_stroke):
+def range_and_river():
+    crest = [(14, 12, .58), (24, 30, .74), (31, 50, .90), (47, 66, .96), (58, 84, 1.), (60, 104, .84), (57, 121, .66)]
+    river = [(118, 125, .03), (112, 104, .07), (101, 88, .10), (92, 68, .14), (81, 52, .18), (78, 32, .23), (68, 6, .31)]
+    save("range-and-river", "A mountain range beside a river", [("ridge", spline(crest)), ("valley", spline(river))])
+
+
+def three_peaks():
+    west = [(26, 30, .72), (31, 37, .92), (40, 41, .66)]
+    south = [(33, 82, .70), (38, 92, 1.), (48, 97, .78)]
+    east = [(92, 50, .68), (98, 59, .97), (93, 69, .74), (86, 75, .56)]
+    pass_ = [(61, 3, .26), (66, 30, .19), (63, 62, .13), (68, 94, .08), (72, 125, .04)]
+    save("three-peaks", "Three short ridges around a valley",
+         [("ridge", spline(ridge)) for ridge in (west, south, east)] + [("valley", spline(pass_))])
+
+
+def valley_system():
+    trunk = [(62, 126, .04), (66, 108, .08), (60, 90, .12), (66, 70, .17), (71, 52, .23), (64, 32, .33), (60, 9, .48)]
+    west = [(60, 90, .12), (47, 79, .19), (34, 66, .28), (24, 54, .38), (8, 46, .50)]
+    east = [(71, 52, .23), (86, 46, .32), (99, 38, .42), (121, 30, .56)]
+    save("valley-system", "A valley with two tributaries, no ridge",
+         [("valley", spline(valley)) for valley in (trunk, west, east)])
+
+
+for draw in (a_circle, empty_corner, fault_line, lambda_ring, p_valley, volcano_ring, meander, single_stroke, range_and_river,
+             three_peaks, valley_system):
     draw()

@@ -4,13 +4,15 @@
 //!
 //! CASES holds folders NAME/ with `exemplar.tif` (heights in metres) and `strokes.geojson`. Writes OUT/NAME.npy (metres) and prints one
 //! line a case: seconds of preparing the exemplar and of making the terrain (the first and a second time, when the exemplar has been drawn as
-//! densely before), the share of the cells in pits before and after breaches, and the symmetries that are used. A FIELD is one of
+//! densely before), the share of the cells in pits before and after breaches, and the symmetries that are used; at the end, of cases with a
+//! `truth.npy` (metres), the share of their windows that a forest tells from real ones. A FIELD is one of
 //! the configuration, with the keys of tables and the numbers of levels joined by dots: `quilting.radius=6 levels.0.rounds=2`.
 #![allow(clippy::print_stdout, reason = "an experiment prints")]
 
 use monadnock::control::Stop;
 use monadnock::dem::Dem;
 use monadnock::dem::io::{self, ReadOptions};
+use monadnock::metrics::{told_share, window_features};
 use monadnock::seed::Seed;
 use monadnock::sketch::geojson;
 use monadnock::systems::synthesis::{Synthesis, SynthesisConfig};
@@ -50,10 +52,22 @@ fn main() -> Result<()> {
         "{:20} {:>7} {:>6} {:>6} {:>7} {:>7} symmetries",
         "case", "prepare", "first", "again", "pits", "left"
     );
-    names.iter().try_for_each(|name| {
+    let mut told = Vec::new();
+    for name in &names {
         let case = Path::new(cases).join(name);
-        one(name, &case, &Path::new(out).join(format!("{name}.npy")), &config, seed)
-    })
+        let made = one(name, &case, &Path::new(out).join(format!("{name}.npy")), &config, seed)?;
+        if case.join("truth.npy").exists() {
+            let cell_size = Some(made.cell_size());
+            let truth = io::read(&case.join("truth.npy"), &ReadOptions { cell_size, ..Default::default() })?;
+            told.push((window_features(&truth)?, window_features(&made)?));
+        }
+    }
+    if told.len() > 1 {
+        let shares = told_share(&told, seed)?;
+        let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+        println!("told from real, {} cases: {mean:.4}", shares.len());
+    }
+    Ok(())
 }
 
 /// Puts a value at a path of keys and numbers.
@@ -75,7 +89,7 @@ fn set(fields: &mut toml::Value, path: &str, value: &str) -> Result<()> {
     Ok(())
 }
 
-fn one(name: &str, case: &Path, out: &Path, config: &SynthesisConfig, seed: Seed) -> Result<()> {
+fn one(name: &str, case: &Path, out: &Path, config: &SynthesisConfig, seed: Seed) -> Result<Dem> {
     let dem = io::read(&case.join("exemplar.tif"), &ReadOptions::default())?;
     let lines = geojson::read(&case.join("strokes.geojson"), &geojson::ReadOptions::default())?;
     let lines = lines.sketch.rasterize();
@@ -96,5 +110,7 @@ fn one(name: &str, case: &Path, out: &Path, config: &SynthesisConfig, seed: Seed
         synthesis.symmetries().used,
         turned.join(" ")
     );
-    io::write(&Dem::new(made.heights, dem.cell_size())?, out, &io::WriteOptions::default())
+    let made = Dem::new(made.heights, dem.cell_size())?;
+    io::write(&made, out, &io::WriteOptions::default())?;
+    Ok(made)
 }

@@ -34,7 +34,9 @@ overlap the exemplar are left out and said so. A style with detail is scored wit
 
 Below the scores stands what needs no cell-by-cell truth: the sliced Wasserstein distance of 7x7 patches to those of the true
 terrain, the distances of slope directions and of landforms (geomorphons), and, where the DEM is the one that the style was
-learned from, the share of small patches that are copies of the exemplar's.")]
+learned from, the share of small patches that are copies of the exemplar's. Systems that lay pieces of the exemplar (synthesis) say
+themselves what they copied: the share of the cells in pieces of more than 20x20 cells, and how often the place that is used most is
+used (\"repeats\").")]
 pub(super) struct EvalArgs {
     /// The style, as written by `train`
     style: PathBuf,
@@ -181,6 +183,10 @@ struct Likeness {
     geomorphon_distance: Option<f64>,
     /// Of trained systems, on the DEM of the exemplar.
     copied_share: Option<f64>,
+    /// Of systems that say where their terrain comes from: share of the cells in pieces of the exemplar over 20x20 cells, and how often the
+    /// place that is used most is used.
+    verbatim_share: Option<f64>,
+    most_uses: Option<f64>,
 }
 
 /// The likeness of all systems that rebuilt a patch. What a patch has no answer to (level ground faces nowhere) is left out
@@ -217,12 +223,18 @@ fn likenesses(
         };
         let found: Vec<_> = evaluation.patches.par_iter().filter_map(of_patch).collect();
         let [sliced_wasserstein, aspect_distance, geomorphon_distance, copied_share] = means(&found);
+        let audits = evaluation.rows.iter().filter(|row| row.system == *name).filter_map(|row| row.sources);
+        let audits: Vec<_> =
+            audits.map(|audit| [Some(audit.verbatim_share), Some(audit.most_uses as f64)]).collect();
+        let [verbatim_share, most_uses] = means(&audits);
         Likeness {
             system: name.clone(),
             sliced_wasserstein,
             aspect_distance,
             geomorphon_distance,
             copied_share,
+            verbatim_share,
+            most_uses,
         }
     };
     Ok(names.enumerate().map(likeness).collect())
@@ -244,11 +256,14 @@ fn likeness_table(rows: &[Likeness]) -> String {
         Column::number("aspect dist", 4),
         Column::number("landforms", 4),
         Column::number("copied", 1).unit("%"),
+        Column::number("in pieces", 1).unit("%"),
+        Column::number("repeats", 0),
     ];
     let table = rows.iter().fold(Table::new(columns), |table, row| {
         let distances = [row.sliced_wasserstein, row.aspect_distance, row.geomorphon_distance];
-        let copied = row.copied_share.map(|share| 100.0 * share);
-        let numbers = distances.into_iter().chain([copied]).map(Entry::from);
+        let percent = |share: Option<f64>| share.map(|share| 100.0 * share);
+        let copies = [percent(row.copied_share), percent(row.verbatim_share), row.most_uses];
+        let numbers = distances.into_iter().chain(copies).map(Entry::from);
         table.row(std::iter::once(Entry::from(row.system.as_str())).chain(numbers))
     });
     table.text()
@@ -326,9 +341,11 @@ mod tests {
             aspect_distance: None,
             geomorphon_distance: None,
             copied_share: None,
+            verbatim_share: Some(0.125),
+            most_uses: Some(3.0),
         };
         let text = likeness_table(&[row]);
         let cells: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
-        assert_eq!(cells, ["laplace", "0.2500", "-", "-", "-"]);
+        assert_eq!(cells, ["laplace", "0.2500", "-", "-", "-", "12.5", "3"]);
     }
 }

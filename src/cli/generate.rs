@@ -16,7 +16,7 @@ use crate::machine;
 use crate::seed::Seed;
 use crate::sketch::geojson::{MissingHeights, ReadOptions};
 use crate::sketch::{LineMap, Sketch};
-use crate::style::{Method, NETWORK, Style, add_detail};
+use crate::style::{Drain, Method, NETWORK, Style, add_detail};
 use crate::systems::task::{DetailUse, Ground, RandomHeights, with_random_lines};
 use std::path::{Path, PathBuf};
 
@@ -32,6 +32,7 @@ use std::path::{Path, PathBuf};
   monadnock generate sierra.safetensors --sketch qgis.geojson -o terrain.tif --bounds strokes
   monadnock generate sierra.safetensors --sketch mine.geojson -o six.tif --variants 6
   monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif --check --bound found=0.8
+  monadnock generate sierra.safetensors --sketch mine.geojson -o terrain.tif --sources sources.png
   monadnock --seed 2 generate sierra.safetensors --sketch mine.geojson -o other.tif --detail-strength 0.6
 
 A stroke may have no heights, or a few: the others are those that the style's ridges and valleys have (`sketch fill`).
@@ -52,7 +53,7 @@ pub(super) struct GenerateArgs {
     /// The style, as written by `train`
     style: PathBuf,
     /// The sketch: a GeoJSON file, or one that comes with the program (a-circle, empty-corner, fault-line, lambda-ring,
-    /// meander, p-valley, single-stroke, volcano-ring)
+    /// meander, p-valley, range-and-river, single-stroke, three-peaks, valley-system, volcano-ring)
     #[arg(long, value_name = "S.geojson")]
     sketch: PathBuf,
     /// The terrain to write
@@ -84,10 +85,36 @@ pub(super) struct GenerateArgs {
     /// Terrain from so many seeds, beginning with --seed: OUTPUT, OUTPUT-2, ... and a picture of all, OUTPUT-variants.png
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=24))]
     variants: u8,
+    /// Keep rivers in the drawn valleys, and cut dams until no more of the terrain lies in pits than of the style's: auto where rivers
+    /// made the style, always (also without a word), never (of synthesis and landscape: no more than they do themselves)
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_value = "auto",
+        default_missing_value = "always")]
+    drain: DrainName,
+    /// Write for every cell which place of the style's terrain, or which stroke, it comes from: arrays (.npz) or a picture (.png);
+    /// of systems that lay pieces of it (synthesis)
+    #[arg(long, value_name = "F")]
+    sources: Option<PathBuf>,
     #[command(flatten)]
     detail: DetailOptions,
     #[command(flatten)]
     check: CheckOptions,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum DrainName {
+    Auto,
+    Always,
+    Never,
+}
+
+impl From<DrainName> for Drain {
+    fn from(name: DrainName) -> Self {
+        match name {
+            DrainName::Auto => Self::LikeExemplar,
+            DrainName::Always => Self::Always,
+            DrainName::Never => Self::Never,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -144,11 +171,15 @@ struct Use<'a> {
 }
 
 impl DetailOptions {
+    /// Whether something was said about detail.
+    fn is_asked(&self) -> bool {
+        self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some()
+    }
+
     /// Adds the style's detail to `terrain`, in metres.
     fn add(&self, how: &Use<'_>, terrain: Grid<f32>, context: &Context) -> Result<Grid<f32>> {
         let Use { style, is_complete, lines, range, seed } = *how;
-        let asked = self.detail_strength != 1.0 || self.detail_size.is_some() || self.detail_mask.is_some();
-        if self.no_detail || ((style.detail.is_none() || is_complete) && !asked) {
+        if self.no_detail || ((style.detail.is_none() || is_complete) && !self.is_asked()) {
             return Ok(terrain);
         }
         let detail = style.needed_detail()?;
@@ -176,12 +207,18 @@ fn mask(path: &Path, shape: (usize, usize)) -> Result<Mask> {
 /// # Errors
 /// Whatever is wrong with the style, the sketch or the output path.
 pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
-    let variants: Vec<PathBuf> =
-        (0..usize::from(args.variants)).map(|i| variant_path(&args.output, i)).collect();
+    let of_variants = |path: &PathBuf| -> Vec<PathBuf> {
+        (0..usize::from(args.variants)).map(|i| variant_path(path, i)).collect()
+    };
+    let (variants, sources) =
+        (of_variants(&args.output), args.sources.as_ref().map(of_variants).unwrap_or_default());
     let sheet = (args.variants > 1).then(|| sheet_path(&args.output));
     let mut outputs = Outputs::new();
     for path in &variants {
         outputs = outputs.writes("--output", path, OutputKind::Terrain);
+    }
+    for path in &sources {
+        outputs = outputs.writes("--sources", path, OutputKind::Sources);
     }
     outputs
         .writes("--variants", &sheet, OutputKind::Picture)
@@ -214,20 +251,33 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     let lines = sketch.rasterize();
     let system = style.system_for(&lines, &args.method).map_err(|e| e.in_file(&args.style))?;
     let share = 100.0 * lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64;
+    let most = 100.0 * system.sparse_up_to();
+    let why = match args.method {
+        Method::System(_) => "as asked for".to_owned(),
+        Method::Auto if most > 0.0 => format!("up to {most:.0} % its terrain looks more real"),
+        Method::Auto => "nearer to the heights of dense sketches; --method synthesis for others".to_owned(),
+    };
     context.console.note(format!(
-        "{}: strokes on {share:.1} % of the cells: terrain by {} (--method)",
+        "{}: strokes on {share:.1} % of the cells: terrain by {}, {why} (--method)",
         args.sketch.display(),
         system.name()
     ));
     let mut made = Vec::new();
     for (i, path) in variants.iter().enumerate() {
         let seed = Seed(context.seed.0.wrapping_add(i as u64));
-        let terrain = style.generate(&lines, &args.method, Some(range), seed, &context.stop())?;
+        let (terrain, provenance) = if args.sources.is_some() {
+            let made = style.generate_traced(&lines, &args.method, Some(range), seed, &context.stop());
+            made.map(|(terrain, provenance)| (terrain, Some(provenance)))
+                .map_err(|e| e.in_file(&args.style))?
+        } else {
+            (style.generate(&lines, &args.method, Some(range), seed, &context.stop())?, None)
+        };
         let how = Use { style: &style, is_complete: system.is_complete(), lines: &lines, range, seed };
         let terrain = args.detail.add(&how, terrain, context).map_err(|e| match e {
             Error::Value { .. } => e.in_file(&args.style),
             other => other,
         })?;
+        let terrain = args.drained(&how, &sketch, terrain, context)?;
         let dem = Dem::new(terrain, placed.cell_size)?.at(placed.reading.georeference);
         io::write(&dem, path, &WriteOptions::default())?;
         let (low, high) = dem.range();
@@ -235,13 +285,42 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         context
             .console
             .line(format!("{}: {rows}x{cols} cells of {side}, {low:.1} to {high:.1} m", path.display()));
+        if let (Some(path), Some(provenance), Some(exemplar)) = (sources.get(i), &provenance, &style.terrain)
+        {
+            super::sources::write(path, &dem, provenance, &sketch, exemplar)?;
+            context.console.line(format!("wrote {}", path.display()));
+        }
         made.push((format!("seed {}", seed.0), dem));
     }
     if let Some(sheet) = &sheet {
         draw_variants(&made, &sketch, sheet)?;
         context.console.line(format!("wrote {}", sheet.display()));
     }
-    args.check.run(&made[0].1, &sketch, &args.output, context)
+    let style_pits = style.landscape().map(|fit| fit.pit_share);
+    args.check.run(&made[0].1, &sketch, style_pits, &args.output, context)
+}
+
+impl GenerateArgs {
+    /// `terrain`, in metres, with ways out for water as far as that is wanted.
+    fn drained(
+        &self,
+        how: &Use<'_>,
+        sketch: &Sketch,
+        terrain: Grid<f32>,
+        context: &Context,
+    ) -> Result<Grid<f32>> {
+        let stop = context.stop();
+        let Some(drained) = how.style.drained(&terrain, sketch, self.drain.into(), &stop)? else {
+            return Ok(terrain);
+        };
+        let percent = |share: f64| 100.0 * share;
+        context.console.note(format!(
+            "drained: {:.1} % of the cells lay in pits, {:.1} % do (--drain)",
+            percent(drained.pits_before),
+            percent(drained.pits_after)
+        ));
+        Ok(drained.heights)
+    }
 }
 
 /// `network` is how people call the first system.

@@ -29,7 +29,7 @@ What a file is follows from its content, whatever its name: JSON is a sketch, a 
 #[command(after_help = EXAMPLES)]
 pub(super) struct InfoArgs {
     /// Terrain, sketch or style; or the name of terrain (sierra, grand-canyon) or of a sketch (a-circle, empty-corner,
-    /// fault-line, lambda-ring, meander, p-valley, single-stroke, volcano-ring) that comes with the program
+    /// fault-line, lambda-ring, meander, p-valley, range-and-river, single-stroke, three-peaks, valley-system, volcano-ring) that comes with the program
     file: PathBuf,
     /// Print one JSON object
     #[arg(long)]

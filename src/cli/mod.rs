@@ -22,6 +22,7 @@ mod sample;
 mod sketch_fill;
 mod sketch_input;
 mod sketch_map;
+mod sources;
 mod train;
 mod tree;
 mod watch;

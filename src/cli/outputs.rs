@@ -24,6 +24,8 @@ pub(super) enum OutputKind {
     Csv,
     /// One JSON value.
     Json,
+    /// Arrays or a picture of sources.
+    Sources,
     /// TOML.
     Toml,
     /// A folder, made when it is not there.
@@ -41,6 +43,7 @@ impl OutputKind {
             Self::Style => &["safetensors"],
             Self::Csv => &["csv"],
             Self::Json => &["json"],
+            Self::Sources => &["npz", "png"],
             Self::Toml => &["toml"],
             // Terrain files are told apart by their own reader and writer.
             Self::Terrain | Self::Folder | Self::Document => &[],
@@ -55,6 +58,7 @@ impl OutputKind {
             Self::Style => "a style",
             Self::Csv => "a table",
             Self::Json => "JSON",
+            Self::Sources => "arrays or a picture",
             Self::Toml => "a manifest",
             Self::Folder => "a folder",
             Self::Document => "a document",
@@ -236,6 +240,7 @@ mod tests {
             (OutputKind::Style, "x.safetensors", "x.pt"),
             (OutputKind::Csv, "x.csv", "x.xlsx"),
             (OutputKind::Json, "x.json", "x"),
+            (OutputKind::Sources, "x.npz", "x.npy"),
             (OutputKind::Toml, "x.toml", "x.yaml"),
         ];
         for (kind, right, wrong) in kinds {

@@ -34,7 +34,8 @@ pub(super) struct RenderArgs {
     #[command(flatten)]
     crop: CropOption,
     /// Ridges and valleys to draw over the terrain: a GeoJSON file, or a sketch that comes with the program (a-circle,
-    /// empty-corner, fault-line, lambda-ring, meander, p-valley, single-stroke, volcano-ring)
+    /// empty-corner, fault-line, lambda-ring, meander, p-valley, range-and-river, single-stroke, three-peaks, valley-system,
+    /// volcano-ring)
     #[arg(long, value_name = "SKETCH")]
     sketch: Option<PathBuf>,
     #[command(flatten)]

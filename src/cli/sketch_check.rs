@@ -45,15 +45,22 @@ impl CheckOptions {
         })
     }
 
-    /// Holds `terrain`, written to `path`, against `sketch`, where that was asked for.
+    /// Holds `terrain`, written to `path`, against `sketch`, where that was asked for. `style_pits`: share of the style's terrain in pits.
     ///
     /// # Errors
     /// When the findings cannot be written; [`Error::Bound`] when a bound is broken.
-    pub(super) fn run(&self, terrain: &Dem, sketch: &Sketch, path: &Path, context: &Context) -> Result<()> {
+    pub(super) fn run(
+        &self,
+        terrain: &Dem,
+        sketch: &Sketch,
+        style_pits: Option<f64>,
+        path: &Path,
+        context: &Context,
+    ) -> Result<()> {
         if !self.check && self.check_json.is_none() && self.bound.is_empty() {
             return Ok(());
         }
-        let found = Contract::of(terrain.heights(), terrain.valid(), sketch)?;
+        let found = Contract { style_pits, ..Contract::of(terrain.heights(), terrain.valid(), sketch)? };
         if self.check {
             context.console.line(found.table().trim_end());
         }

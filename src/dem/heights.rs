@@ -2,7 +2,7 @@
 
 use super::{CellSize, Georeference};
 use crate::error::{Error, Result};
-use crate::grid::{Grid, Mask, Window};
+use crate::grid::{Cell, Grid, Mask, Window};
 
 /// A digital elevation model: heights in metres on a raster, with voids.
 ///
@@ -118,5 +118,27 @@ impl Dem {
         let valid = self.valid.crop(window)?;
         let georeference = self.georeference.map(|g| g.shifted(window.origin.row, window.origin.col));
         Ok(Self::with_voids(heights, valid, self.cell_size)?.at(georeference))
+    }
+
+    /// Means of `factor` x `factor` cells, without a place; void where one of them is. What is left at the south and east is cut off.
+    ///
+    /// # Errors
+    /// When less than one such cell is left, or only voids.
+    pub(crate) fn coarsened(&self, factor: usize) -> Result<Self> {
+        let (rows, cols) = (self.shape().0 / factor.max(1), self.shape().1 / factor.max(1));
+        if rows == 0 || cols == 0 || factor == 0 {
+            return Err(Error::value("coarser", factor, format!("the terrain has {:?} cells", self.shape())));
+        }
+        let inside = move |cell: Cell| {
+            let (row, col) = (cell.row * factor, cell.col * factor);
+            (0..factor * factor).map(move |i| Cell::new(row + i / factor, col + i % factor))
+        };
+        let valid = Grid::from_fn(rows, cols, |cell| inside(cell).all(|c| self.valid[c]));
+        let heights = Grid::from_fn(rows, cols, |cell| {
+            let sum: f64 = inside(cell).map(|c| f64::from(self.heights[c])).sum();
+            (sum / (factor * factor) as f64) as f32
+        });
+        let (x, y) = (self.cell_size.x() * factor as f64, self.cell_size.y() * factor as f64);
+        Self::with_voids(heights, valid, CellSize::new(x, y)?)
     }
 }

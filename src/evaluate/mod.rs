@@ -3,6 +3,7 @@
 //! A DEM and systems by name -> [`evaluate`] -> an [`Evaluation`] -> [`aggregate`]. The protocol is that of Liu & Benes 2025, 7.2.
 
 mod rebuild;
+mod strokes;
 mod summary;
 
 pub use crate::style::{PATCH, choose_exemplar, patch_cells};
@@ -10,4 +11,5 @@ pub use rebuild::{
     Evaluation, EvaluationConfig, Patch, PatchScore, Rebuilt, Reduction, evaluate, evaluate_reduced,
     patch_seed,
 };
+pub(crate) use strokes::{STROKE_SCORES, StrokeCase};
 pub use summary::{SystemSummary, aggregate, to_csv};

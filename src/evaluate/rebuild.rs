@@ -8,7 +8,7 @@ use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::{self, ExtractionConfig};
 use crate::grid::{Cell, Grid, Mask, Window};
-use crate::metrics::Scores;
+use crate::metrics::{Scores, SourceAudit};
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::style::Named;
@@ -56,6 +56,9 @@ pub struct PatchScore {
     pub relief: f64,
     /// Share of the patch's cells that carry a line.
     pub line_share: f64,
+    /// How much of it is copied, of systems that say where their terrain comes from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sources: Option<SourceAudit>,
     /// The scores; absent when the system failed.
     pub scores: Option<Scores>,
     /// Why it failed.
@@ -223,6 +226,7 @@ fn rebuild(
         seconds: 0.0,
         relief: 0.0,
         line_share: 0.0,
+        sources: None,
         scores: None,
         error: Some(error),
     };
@@ -239,15 +243,15 @@ fn rebuild(
     let mut outputs: Vec<(String, Option<Grid<f32>>)> = Vec::new();
     for (name, system) in systems {
         let (output, seconds) = generated(system.as_ref(), systems, &rows, &outputs, &lines, seed);
-        let scored = output.and_then(|output| {
+        let scored = output.and_then(|(output, sources)| {
             let scores = Scores::of(&output, &truth, &valid, &lines)?;
             let found = extract::ridges_and_valleys(&output, &valid, &config.sketch_extraction())?;
-            Ok((scores.with_lines(&lines, &found)?, output))
+            Ok((scores.with_lines(&lines, &found)?, sources, output))
         });
         let row = PatchScore { seconds, relief, line_share, ..blank(name, String::new()) };
         match scored {
-            Ok((scores, output)) => {
-                rows.push(PatchScore { scores: Some(scores), error: None, ..row });
+            Ok((scores, sources, output)) => {
+                rows.push(PatchScore { scores: Some(scores), sources, error: None, ..row });
                 outputs.push((name.clone(), Some(output)));
             }
             Err(error) => {
@@ -259,6 +263,9 @@ fn rebuild(
     Ok((rows, Some(Rebuilt { origin, normalization, truth, valid, lines, outputs })))
 }
 
+/// Terrain, with what is known of where it comes from.
+type Made = (Grid<f32>, Option<SourceAudit>);
+
 /// Terrain of a system and its seconds, on top of what is there already of the first of `systems`.
 fn generated(
     system: &dyn SketchToTerrain,
@@ -267,7 +274,7 @@ fn generated(
     outputs: &[(String, Option<Grid<f32>>)],
     lines: &LineMap,
     seed: Seed,
-) -> (Result<Grid<f32>>, f64) {
+) -> (Result<Made>, f64) {
     let started = Instant::now();
     let half_done = system.finishing().and_then(|finishing| {
         let index = systems.iter().position(|(_, other)| Arc::ptr_eq(other, &finishing.start))?;
@@ -276,9 +283,13 @@ fn generated(
     });
     let (output, before) = match half_done {
         Some((finishing, coarse, seconds)) => {
-            ((finishing.finish)(coarse, lines, seed, &Stop::new()), seconds)
+            let finished = (finishing.finish)(coarse, lines, seed, &Stop::new());
+            (finished.map(|terrain| (terrain, None)), seconds)
         }
-        None => (system.generate(lines, seed, &Stop::new()), 0.0),
+        None => match system.traced(lines, seed, &Stop::new()) {
+            Some(made) => (made.map(|(terrain, sources)| (terrain, Some(sources.audit()))), 0.0),
+            None => (system.generate(lines, seed, &Stop::new()).map(|terrain| (terrain, None)), 0.0),
+        },
     };
     (output, before + started.elapsed().as_secs_f64())
 }

@@ -1,7 +1,8 @@
 //! Scores of patches as a table: mean and spread per system, and CSV.
 
 use super::PatchScore;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file::csv_lines;
 use crate::metrics::{Scores, Summary};
 
 /// One system over all its patches.
@@ -47,27 +48,19 @@ pub fn aggregate(rows: &[PatchScore]) -> Vec<SystemSummary> {
 /// # Errors
 /// When memory runs out.
 pub fn to_csv(rows: &[PatchScore]) -> Result<String> {
-    let failed = |e: csv::Error| Error::value("table of scores", e, "allowed: what can be written as CSV");
-    let mut writer = csv::Writer::from_writer(Vec::new());
     let known = rows.iter().any(|row| row.scores.is_some());
     let names: Vec<&str> = if known { Scores::names().to_vec() } else { Vec::new() };
     let first = ["row", "col", "system", "seconds", "relief_m", "line_share"];
-    writer.write_record(first.into_iter().chain(names.iter().copied()).chain(["error"])).map_err(failed)?;
-    for row in rows {
-        let mut fields = vec![row.row.to_string(), row.col.to_string(), row.system.clone()];
-        fields.extend([
-            format!("{:.4}", row.seconds),
-            format!("{:.2}", row.relief),
-            format!("{:.4}", row.line_share),
-        ]);
+    let header: Vec<&str> = first.into_iter().chain(names.iter().copied()).chain(["error"]).collect();
+    let lines = rows.iter().map(|row| {
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
-        match &row.scores {
-            Some(scores) => fields.extend(scores.values().map(|(_, value)| number(value))),
-            None => fields.extend(names.iter().map(|_| String::new())),
-        }
-        fields.push(row.error.clone().unwrap_or_default());
-        writer.write_record(&fields).map_err(failed)?;
-    }
-    let bytes = writer.into_inner().map_err(|e| failed(e.into_error().into()))?;
-    String::from_utf8(bytes).map_err(|e| Error::value("table of scores", e, "allowed: text"))
+        let scores =
+            row.scores.as_ref().map(|scores| scores.values().map(|(_, value)| number(value)).to_vec());
+        let first = [row.row.to_string(), row.col.to_string(), row.system.clone()];
+        let measured =
+            [format!("{:.4}", row.seconds), format!("{:.2}", row.relief), format!("{:.4}", row.line_share)];
+        let scores = scores.unwrap_or_else(|| vec![String::new(); names.len()]);
+        [&first[..], &measured, &scores, &[row.error.clone().unwrap_or_default()]].concat()
+    });
+    Ok(csv_lines([header])? + &csv_lines(lines)?)
 }

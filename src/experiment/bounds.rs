@@ -2,9 +2,9 @@
 
 use super::results::{Cells, Results, Stat, difference, of_patches};
 use super::rows::ScoreTable;
-use super::scores::lower_is_better;
 use super::spec::{Against, Bound, ExperimentSpec, Scope};
 use crate::error::Result;
+use crate::metrics::lower_is_better;
 
 /// How a bound fared.
 #[derive(Clone, Debug, PartialEq)]

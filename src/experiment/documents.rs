@@ -9,6 +9,7 @@ use super::record::Record;
 use super::results::Results;
 use crate::error::{Error, Result};
 use crate::file;
+use crate::viz::report::{marked, spliced};
 use std::path::Path;
 
 /// Documents are short.
@@ -74,16 +75,7 @@ pub fn experiment_of(name: &str) -> &str {
 /// When the file cannot be read, or a marker has no end.
 pub fn markers(document: &Path) -> Result<Vec<String>> {
     let text = file::read_text(document, LARGEST)?;
-    let names =
-        text.lines().filter_map(|line| line.trim().strip_prefix("<!-- experiment ")?.strip_suffix(" -->"));
-    let is_closed = |name: &str| {
-        let (found, allowed) =
-            (format!("{name:?} without an end"), format!("allowed: {} after it", end(name)));
-        between(&text, name)
-            .map(|_| name.to_owned())
-            .ok_or_else(|| Error::file(document, "marker", found, allowed))
-    };
-    names.map(is_closed).collect()
+    marked(&text).map_err(|e| e.in_file(document))
 }
 
 /// The experiments whose findings in a document are not what their records in the folder `records` say.
@@ -94,7 +86,7 @@ pub fn stale(document: &Path, records: &Path) -> Result<Vec<String>> {
     let text = file::read_text(document, LARGEST)?;
     let is_stale = |name: &String| {
         let content = of_marker(&Record::new(&records.join(experiment_of(name))), name).ok();
-        content.is_none_or(|content| spliced(&text, name, &content).is_none_or(|new| new != text))
+        content.is_none_or(|content| spliced(&text, name, &content).map_or(true, |new| new != text))
     };
     Ok(markers(document)?.into_iter().filter(is_stale).collect())
 }
@@ -105,33 +97,9 @@ pub fn stale(document: &Path, records: &Path) -> Result<Vec<String>> {
 /// When the document has no such markers, or cannot be read or written.
 pub fn splice(document: &Path, name: &str, content: &str) -> Result<bool> {
     let text = file::read_text(document, LARGEST)?;
-    let Some(spliced) = spliced(&text, name, content) else {
-        let allowed = format!("allowed: a document with the lines {} and {}", begin(name), end(name));
-        return Err(Error::file(document, "marker", "missing", allowed));
-    };
+    let spliced = spliced(&text, name, content).map_err(|e| e.in_file(document))?;
     if spliced != text {
         file::write_bytes(document, spliced.as_bytes())?;
     }
     Ok(spliced != text)
-}
-
-fn spliced(text: &str, name: &str, content: &str) -> Option<String> {
-    let (start, stop) = between(text, name)?;
-    Some(format!("{}\n{}\n\n{}", &text[..start], content.trim_end(), &text[stop..]))
-}
-
-fn begin(name: &str) -> String {
-    format!("<!-- experiment {name} -->")
-}
-
-fn end(name: &str) -> String {
-    format!("<!-- /experiment {name} -->")
-}
-
-/// Bytes between the end of the first marker's line and the second marker.
-fn between(text: &str, name: &str) -> Option<(usize, usize)> {
-    let start = text.find(&begin(name))? + begin(name).len();
-    let start = start + text[start..].find('\n')? + 1;
-    let stop = start + text[start..].find(&end(name))?;
-    Some((start, stop))
 }

@@ -1,6 +1,4 @@
-//! What a run tells while it goes on, and what it makes of faults.
-
-use crate::error::{Error, Result};
+//! What a run tells while it goes on.
 
 /// What happens while an experiment runs; told from several threads.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,14 +25,4 @@ pub enum Event {
     Scored(u64),
     /// Something failed, which is a row with its error.
     Failed(String),
-}
-
-/// What `work` gives; a fault of ours in one cell of a long run is that cell's error and not the end of all.
-pub(super) fn without_panic<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(|panic| {
-        let text = panic.downcast_ref::<String>().cloned();
-        let text = text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()));
-        let found = format!("a panic ({})", text.unwrap_or_else(|| "without a word".to_owned()));
-        Err(Error::value("state of the program", found, "a fault of monadnock: please report it"))
-    })
 }

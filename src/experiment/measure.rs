@@ -3,6 +3,7 @@
 //! In: a [`Task`] with the trained systems. Out: a [`Measured`] for each system; what fails is one with the error.
 
 use super::areas::{Area, Resolved};
+use super::record::Record;
 use super::spec::{Choice, ExperimentSpec, SketchSpec};
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
@@ -25,6 +26,7 @@ pub(super) struct Task<'a> {
     pub(super) sketch: &'a SketchSpec,
     pub(super) systems: &'a Systems<'a>,
     pub(super) seed: u64,
+    pub(super) record: &'a Record,
 }
 
 /// Scores by name; `None` where there is no such score.

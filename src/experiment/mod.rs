@@ -18,7 +18,6 @@ pub mod resolve;
 pub mod results;
 pub mod rows;
 pub mod run;
-mod scores;
 pub mod spec;
 mod styles;
 #[cfg(test)]

@@ -3,20 +3,17 @@
 use super::areas::{Area, Resolved};
 use super::measure::{Measured, Systems, Task, rebuild, value_of};
 use super::record::Record;
-use super::rows::ScoreTable;
+use super::results::{Results, difference};
 use super::spec::SketchSpec;
 use super::styles::Styles;
-use crate::dem::{CellSize, Dem, Normalization};
 use crate::error::Result;
 use crate::evaluate::{PATCH, Rebuilt};
 use crate::file;
-use crate::grid::{Cell, Grid, Mask, Window};
+use crate::grid::{Cell, Window};
 use crate::sketch::LineMap;
-use crate::viz::{ColorBar, LineArt, LineStyle, Palette, Picture, Relief, Rgb, Sheet};
+use crate::viz::{LineArt, LineStyle, Painter, Picture, Rgb, Sheet};
 use std::collections::VecDeque;
 
-/// Pixels per cell.
-const SCALE: usize = 2;
 /// Panels per row of a patch's sheet.
 const COLUMNS: usize = 4;
 
@@ -24,7 +21,7 @@ const COLUMNS: usize = 4;
 pub(super) struct Gallery<'a> {
     pub(super) resolved: &'a Resolved,
     styles: &'a Styles<'a>,
-    record: &'a Record,
+    pub(super) record: &'a Record,
     /// The first seed, of which pictures are.
     pub(super) seed: u64,
     /// The system that the experiment is about.
@@ -58,51 +55,14 @@ impl<'a> Gallery<'a> {
     }
 }
 
-/// Unit heights as pictures in colours that are the same for all of a sheet.
-pub(super) struct Painter {
-    relief: Relief,
-    range: Normalization,
-    cell_size: CellSize,
-}
-
-impl Painter {
-    /// In the colours of `reference`.
-    pub(super) fn new(reference: &Dem, range: Normalization) -> Self {
-        let relief = Relief::with_palette(Palette::Alpine).scaled(SCALE).fixed_for(reference);
-        Self { relief, range, cell_size: reference.cell_size() }
-    }
-
-    /// In the colours of the patch at a cell.
-    pub(super) fn of_patch(area: &Area, cell: Cell) -> Result<Self> {
-        let reference = area.dem.crop(Window::square(cell, PATCH))?;
-        let range = Normalization::of(&reference);
-        Ok(Self::new(&reference, range))
-    }
-
-    pub(super) fn draw(&self, unit: &Grid<f32>, valid: &Mask) -> Result<Picture> {
-        let heights = self.range.denormalize(&unit);
-        self.relief.draw(&Dem::with_voids(heights, valid.clone(), self.cell_size)?)
-    }
-
-    pub(super) fn draw_whole(&self, unit: &Grid<f32>) -> Result<Picture> {
-        self.draw(unit, &unit.map(|_| true))
-    }
-
-    /// The sheet with the scales of colours and lengths.
-    pub(super) fn finish(&self, sheet: Sheet) -> Result<Picture> {
-        let bar = ColorBar::new(self.relief.palette, self.range.low(), self.range.high(), "Height, m")?;
-        sheet.color_bar(bar).scale_bar(self.cell_size.x() / SCALE as f64).draw()
-    }
-}
-
 /// Lines on paper.
 pub(super) fn paper(lines: &LineMap) -> Result<Picture> {
-    LineArt::from(lines).on_paper(SCALE)
+    LineArt::from(lines).on_paper(Painter::SCALE)
 }
 
 /// The place of a panel that there is not.
 pub(super) fn blank() -> Picture {
-    Picture::filled(PATCH * SCALE, PATCH * SCALE, Rgb::WHITE)
+    Picture::filled(PATCH * Painter::SCALE, PATCH * Painter::SCALE, Rgb::WHITE)
 }
 
 /// A name as a part of a file's name.
@@ -114,15 +74,17 @@ pub(super) fn plain(name: &str) -> String {
 pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
     let (resolved, seed) = (gallery.resolved, gallery.seed);
     let table = gallery.record.scores()?;
-    let interpolators = resolved.spec.interpolator_names()?;
-    let against = if interpolators.is_empty() { "PSNR" } else { "PSNR above the best interpolator" };
+    let results = Results::new(&resolved.spec, &table)?;
+    let with_best = !results.interpolators().is_empty();
+    let against = if with_best { "PSNR above the best interpolator" } else { "PSNR" };
     for area in &resolved.areas {
         let mut margins: Vec<(f64, Cell, &SketchSpec)> = Vec::new();
         for sketch in &gallery.sketches {
-            for &cell in &area.patches {
-                let margin = margin(&table, gallery, area, cell, sketch, &interpolators);
-                margins.extend(margin.map(|margin| (margin, cell, sketch)));
-            }
+            let own = results.cells(&gallery.highlight, &area.name, &sketch.name, "psnr");
+            let best = results.best_of_each(&area.name, &sketch.name, "psnr");
+            let found = if with_best { difference(&own, &best) } else { own };
+            let here = found.into_iter().filter(|((.., of), _)| *of == seed);
+            margins.extend(here.map(|((row, col, _), margin)| (margin, Cell::new(row, col), sketch)));
         }
         margins.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         // The worst, the best, the second worst, ...
@@ -131,7 +93,7 @@ pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
         for i in 0..resolved.spec.pictures {
             let next = if i % 2 == 0 { order.pop_front() } else { order.pop_back() };
             let Some((margin, cell, sketch)) = next else { break };
-            let task = Task { resolved, area, cell, sketch, systems: &systems, seed };
+            let task = Task { resolved, area, cell, sketch, systems: &systems, seed, record: gallery.record };
             let (rows, patches) = rebuild(&task, &area.dem, true)?;
             let Some(patch) = patches.first() else { continue };
             let title = format!(
@@ -146,29 +108,9 @@ pub(super) fn patch_sheets(gallery: &Gallery<'_>) -> Result<()> {
     Ok(())
 }
 
-/// PSNR of the system above the best interpolator on that patch, dB; its PSNR when there is no interpolator.
-fn margin(
-    table: &ScoreTable,
-    gallery: &Gallery<'_>,
-    area: &Area,
-    cell: Cell,
-    sketch: &SketchSpec,
-    interpolators: &[String],
-) -> Option<f64> {
-    let column = table.column("psnr")?;
-    let here = (&area.name, cell.row, cell.col, gallery.seed, &sketch.name);
-    let is_here = |k: &super::rows::Key| (&k.area, k.row, k.col, k.seed, &k.sketch) == here;
-    let rows = || table.rows.iter().filter(|row| is_here(&row.key));
-    let own = rows().find(|row| row.key.system == gallery.highlight)?.values[column]?;
-    let others =
-        rows().filter(|row| interpolators.contains(&row.key.system)).filter_map(|row| row.values[column]);
-    let best = others.fold(f64::NEG_INFINITY, f64::max);
-    Some(if best.is_finite() { own - best } else { own }).filter(|margin| margin.is_finite())
-}
-
 /// Truth, lines and every system's terrain beside each other, in the same colours.
 fn sheet(area: &Area, patch: &Rebuilt, rows: &[Measured], title: String) -> Result<Picture> {
-    let painter = Painter::of_patch(area, patch.origin)?;
+    let painter = Painter::of(&area.dem.crop(Window::square(patch.origin, PATCH))?);
     let drawn = painter.draw(&patch.truth, &patch.valid)?;
     let mut lined = drawn.clone();
     LineArt::from(&patch.lines).overlay(&mut lined, &LineStyle::default())?;

@@ -26,6 +26,8 @@ pub(super) enum SketchSource {
     MovedPatches,
     /// Bundled drawings.
     Drawings,
+    /// The main lines of terrain beside the exemplar.
+    MainLines,
     /// The file names none: they follow from the areas.
     Areas,
 }
@@ -100,6 +102,11 @@ pub(super) trait Protocol: Sync {
 
     /// What is measured before any training.
     fn before_training(&self, _: &Resolved, _: &Record) -> Result<()> {
+        Ok(())
+    }
+
+    /// Scores that take all rows together.
+    fn complete(&self, _: &Record, _: &mut [Timed]) -> Result<()> {
         Ok(())
     }
 

@@ -5,6 +5,7 @@
 //! | `resolved.toml` | the experiment with nothing left open; written first |
 //! | `machine.toml` | program, revision, machine, and how long each session took |
 //! | `journal.csv` | rows as they are finished, with their seconds; lets an interrupted run continue |
+//! | `windows/` | `strokes`: features of the windows of each terrain, until all are told apart |
 //! | `styles/` | the trained styles, by a hash of configuration, exemplar and seed |
 //! | `scores.csv` | all rows in the experiment's order; the same bytes in every run |
 //! | `timings.csv`, `training.csv` | seconds of every row, and of every training |
@@ -14,16 +15,14 @@
 //! [`pack`](Record::pack) keeps of it what a repository should hold: tables as `.csv.xz`, which are read like the others, and
 //! `summary.md`.
 
-use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint, csv_lines, csv_table};
+use super::rows::{Key, ScoreRow, ScoreTable, Timed, complaint};
 use super::spec::ExperimentSpec;
 use crate::error::{Error, Result};
-use crate::file;
+use crate::file::{self, csv_lines, csv_table};
 use crate::machine::{self, VECTOR_VARIABLE, VectorLevel};
-use lzma_rust2::{XzOptions, XzReader, XzWriter};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// No file of a record is larger.
@@ -32,7 +31,8 @@ const LARGEST: u64 = 1 << 30;
 const KEPT: [&str; 6] =
     ["scores.csv", "training.csv", "exemplars.csv", "states.csv", "stages.csv", "peers.csv"];
 /// What a run needs to continue or makes for the eye.
-const PASSING: [&str; 6] = ["journal.csv", "timings.csv", "styles", "pictures", "plots", "report.html"];
+const PASSING: [&str; 7] =
+    ["journal.csv", "timings.csv", "styles", "windows", "pictures", "plots", "report.html"];
 
 /// A record's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -369,13 +369,7 @@ impl Record {
             if !path.is_file() {
                 continue;
             }
-            let text = file::read_whole(&path, LARGEST)?;
-            file::write_atomically(&self.path(&format!("{name}.xz")), |out| {
-                let mut xz =
-                    XzWriter::new(out, XzOptions::with_preset(9)).map_err(Error::io(&path, "compress"))?;
-                xz.write_all(&text).map_err(Error::io(&path, "compress"))?;
-                xz.finish().map(|_| ()).map_err(Error::io(&path, "compress"))
-            })?;
+            file::write_packed(&self.path(&format!("{name}.xz")), &file::read_whole(&path, LARGEST)?)?;
             file::remove(&path)?;
         }
         PASSING.iter().try_for_each(|name| file::remove(&self.path(name)))
@@ -386,11 +380,7 @@ impl Record {
         if self.path(name).exists() || !packed.is_file() {
             return file::read_text(&self.path(name), LARGEST);
         }
-        let bytes = file::read_whole(&packed, LARGEST)?;
-        let mut text = String::new();
-        let mut reader = XzReader::new(bytes.as_slice(), false).take(LARGEST);
-        reader.read_to_string(&mut text).map_err(Error::io(&packed, "decompress"))?;
-        Ok(text)
+        file::read_packed(&packed, LARGEST)
     }
 }
 

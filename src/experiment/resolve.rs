@@ -3,12 +3,13 @@
 use super::areas::{Area, Loaded, Resolved, Terrain};
 use super::protocol::SketchSource;
 use super::protocols;
-use super::spec::{AreaSpec, ExperimentSpec, Kind, StyleSpec};
-use crate::dem::{CellSize, Dem};
+use super::spec::{AreaSpec, ExperimentSpec, Kind, SketchSpec, StyleSpec};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::evaluate::{PATCH, choose_exemplar, patch_cells};
-use crate::grid::{Cell, Grid, Window};
+use crate::evaluate::{PATCH, StrokeCase, choose_exemplar, patch_cells};
+use crate::grid::{Cell, Window};
 use crate::style::{Source, fingerprint};
+use std::borrow::Cow;
 
 /// Fills in everything that an experiment leaves open.
 ///
@@ -25,7 +26,7 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     for (area, entry) in areas.iter().zip(&mut spec.area) {
         let e = &area.source.info;
         entry.exemplar = Some(vec![e.row, e.col, e.rows]);
-        entry.fingerprint = Some(e.source_sha256.clone());
+        entry.fingerprint = Some(fingerprint(&area.dem));
         entry.patches = protocols::of(spec.kind)
             .has_test_patches()
             .then(|| area.patches.iter().map(|c| [c.row, c.col]).collect());
@@ -33,6 +34,7 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     let full = |style: &StyleSpec| -> Result<StyleSpec> {
         Ok(StyleSpec {
             name: style.name.clone(),
+            learns: style.learns.clone(),
             systems: if protocols::of(spec.kind).compares_uses() { spec.uses(style)? } else { Vec::new() },
             preset: None,
             set: toml::Table::new(),
@@ -48,9 +50,12 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     if spec.kind == Kind::Ablation {
         spec.baseline = spec.baseline.or_else(|| spec.highlight.clone());
     }
-    if protocols::of(spec.kind).sketch_source() != SketchSource::Areas {
+    let source = protocols::of(spec.kind).sketch_source();
+    if source != SketchSource::Areas {
         spec.sketch = spec.sketches();
-        for sketch in spec.sketch.iter_mut().filter(|sketch| sketch.drawing.is_none()) {
+        let of_network =
+            |sketch: &&mut SketchSpec| sketch.drawing.is_none() && source != SketchSource::MainLines;
+        for sketch in spec.sketch.iter_mut().filter(of_network) {
             sketch.order = Some(sketch.order.unwrap_or(spec.extraction.min_order));
             sketch.accumulation = Some(sketch.accumulation.unwrap_or(spec.extraction.min_accumulation));
         }
@@ -63,29 +68,9 @@ pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
 fn terrain_of(entry: &AreaSpec, terrain: &Terrain) -> Result<Loaded> {
     let loaded = terrain.load(entry.terrain.as_deref().unwrap_or(&entry.name))?;
     match entry.coarser {
-        Some(factor) if factor > 1 => Ok(Loaded { dem: coarsened(&loaded.dem, factor)?, ..loaded }),
+        Some(factor) if factor > 1 => Ok(Loaded { dem: loaded.dem.coarsened(factor)?, ..loaded }),
         _ => Ok(loaded),
     }
-}
-
-/// Means of `factor` x `factor` cells; void where one of them is. What is left at the south and east is cut off.
-fn coarsened(dem: &Dem, factor: usize) -> Result<Dem> {
-    let (rows, cols) = (dem.shape().0 / factor, dem.shape().1 / factor);
-    if rows == 0 || cols == 0 {
-        return Err(Error::value("coarser", factor, format!("the terrain has {:?} cells", dem.shape())));
-    }
-    let inside = move |cell: Cell| {
-        let (row, col) = (cell.row * factor, cell.col * factor);
-        (0..factor * factor).map(move |i| Cell::new(row + i / factor, col + i % factor))
-    };
-    let valid = Grid::from_fn(rows, cols, |cell| inside(cell).all(|c| dem.valid()[c]));
-    let heights = Grid::from_fn(rows, cols, |cell| {
-        let sum: f64 = inside(cell).map(|c| f64::from(dem.heights()[c])).sum();
-        (sum / (factor * factor) as f64) as f32
-    });
-    let size = dem.cell_size();
-    let size = CellSize::new(size.x() * factor as f64, size.y() * factor as f64)?;
-    Dem::with_voids(heights, valid, size)
 }
 
 /// An area for every patch that can be the exemplar, where the file names none.
@@ -119,18 +104,28 @@ fn load(spec: &ExperimentSpec, entry: &AreaSpec, terrain: &Terrain) -> Result<Ar
         let allowed = format!("the experiment means terrain with {meant}");
         return Err(in_area(Error::value("fingerprint", found, allowed)));
     }
+    let learned = western(spec, &dem)?;
     let (origin, side) = match entry.exemplar.as_deref() {
         Some([row, col, side]) => (Cell::new(*row, *col), *side),
         Some([row, col]) => (Cell::new(*row, *col), PATCH),
-        _ => (choose_exemplar(&dem).map_err(in_area)?, PATCH),
+        _ => (choose_exemplar(&learned).map_err(in_area)?, PATCH),
     };
-    let source = Source::new(&entry.name, &dem, Window::square(origin, side)).map_err(in_area)?;
+    let source = Source::new(&entry.name, &learned, Window::square(origin, side)).map_err(in_area)?;
     let patches = if protocols::of(spec.kind).has_test_patches() {
         patches(spec, entry, &dem, origin, side).map_err(in_area)?
     } else {
         Vec::new()
     };
     Ok(Area { name: entry.name.clone(), file, description, dem, source, patches })
+}
+
+/// What styles may learn from: all of the terrain, or its west where truths lie in its east.
+fn western<'a>(spec: &ExperimentSpec, dem: &'a Dem) -> Result<Cow<'a, Dem>> {
+    if protocols::of(spec.kind).sketch_source() != SketchSource::MainLines {
+        return Ok(Cow::Borrowed(dem));
+    }
+    let west = StrokeCase::west_of(dem.shape().1, spec.largest_truth());
+    Ok(Cow::Owned(dem.crop(Window::new(Cell::new(0, 0), dem.shape().0, west))?))
 }
 
 /// The test patches of an area.

@@ -4,41 +4,16 @@
 //! so that an area with many patches does not outweigh the others. Differences are taken cell by cell.
 
 use super::rows::{ScoreRow, ScoreTable};
-use super::scores::lower_is_better;
 use super::spec::ExperimentSpec;
 use crate::error::Result;
+pub use crate::metrics::Stat;
+use crate::metrics::lower_is_better;
 use std::collections::BTreeMap;
 
 /// A patch and a seed: (row, column, seed).
 pub type CellKey = (usize, usize, u64);
 /// A score on every cell that has one.
 pub type Cells = BTreeMap<CellKey, f64>;
-
-/// Mean and sample standard deviation (n - 1; 0 for a single value).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stat {
-    /// The mean.
-    pub mean: f64,
-    /// The standard deviation.
-    pub sd: f64,
-    /// How many values.
-    pub n: usize,
-}
-
-impl Stat {
-    /// Of at least one value.
-    #[must_use]
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let values: Vec<f64> = values.into_iter().collect();
-        let n = values.len();
-        if n == 0 {
-            return None;
-        }
-        let mean = values.iter().sum::<f64>() / n as f64;
-        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        Some(Self { mean, sd: if n > 1 { (squares / (n - 1) as f64).sqrt() } else { 0.0 }, n })
-    }
-}
 
 /// The rows of an experiment, to be asked for means.
 #[derive(Clone, Debug)]

@@ -4,6 +4,7 @@
 //! digits, so that reading them back and writing them again gives the same bytes.
 
 use crate::error::{Error, Result};
+use crate::file::csv_lines;
 use serde::ser::SerializeSeq;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::Path;
@@ -114,24 +115,6 @@ pub(super) fn complaint(error: &csv::Error, line: &csv::StringRecord) -> Error {
     };
     let found = field.map_or_else(|| "damaged".to_owned(), |text| format!("{text:?}"));
     Error::value("field", found, format!("the reader says: {error}"))
-}
-
-/// Lines of CSV without a header.
-pub(super) fn csv_lines<T: Serialize>(lines: impl IntoIterator<Item = T>) -> Result<String> {
-    let mut writer = csv::WriterBuilder::new().has_headers(false).flexible(true).from_writer(Vec::new());
-    finish(lines.into_iter().try_for_each(|line| writer.serialize(line)), writer)
-}
-
-/// A table of CSV whose header names the fields of its rows.
-pub(super) fn csv_table<T: Serialize>(rows: &[T]) -> Result<String> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    finish(rows.iter().try_for_each(|row| writer.serialize(row)), writer)
-}
-
-fn finish(written: csv::Result<()>, writer: csv::Writer<Vec<u8>>) -> Result<String> {
-    let plain = |e: &dyn std::fmt::Display| Error::value("table", e, "allowed: plain rows");
-    written.map_err(|e| plain(&e))?;
-    String::from_utf8(writer.into_inner().map_err(|e| plain(&e))?).map_err(|e| plain(&e))
 }
 
 impl ScoreTable {

@@ -4,7 +4,7 @@
 //! or threads, nor on how often the run was interrupted. Cost: the trainings, each with the memory of one.
 
 use super::areas::{Area, Resolved};
-use super::events::{Event, without_panic};
+use super::events::Event;
 use super::measure::{Task, value_of};
 use super::pictures::Gallery;
 use super::protocol::{Finished, Protocol};
@@ -13,6 +13,7 @@ use super::record::{Record, Session};
 use super::rows::{Key, ScoreRow, Timed};
 use super::spec::{ExperimentSpec, SketchSpec};
 use super::styles::Styles;
+use crate::control::without_panic;
 use crate::error::{Error, Result};
 use crate::grid::Cell;
 use crate::machine;
@@ -71,7 +72,8 @@ pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + S
     let (peak_of_training, trained) = (machine::peak_memory(), styles.trained);
 
     let plan = Plan { resolved, protocol, columns: &columns, styles, record: &record };
-    let (rows, scored) = plan.score_all(finished, watch)?;
+    let (mut rows, scored) = plan.score_all(finished, watch)?;
+    protocol.complete(&record, &mut rows)?;
     record.write_scores(&columns, &rows)?;
     machine.session.push(Session {
         seconds: started.elapsed().as_secs_f64(),
@@ -196,7 +198,8 @@ impl Plan<'_> {
             );
             let with_interpolators = i == 0 || self.protocol.draws_lines();
             let systems = self.styles.systems(area, seed, with_interpolators)?;
-            let task = Task { resolved: self.resolved, area, cell, sketch, systems: &systems, seed };
+            let (resolved, record) = (self.resolved, self.record);
+            let task = Task { resolved, area, cell, sketch, systems: &systems, seed, record };
             match without_panic(|| self.protocol.measure(&task)) {
                 Ok(all) => rows.extend(all.into_iter().map(|one| {
                     let values = self.columns.iter().map(|name| value_of(&one.values, name)).collect();

@@ -6,9 +6,10 @@
 use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-use crate::style::{self, DetailPlan, GeneratorConfig, Preset, Registry, StyleConfig, generators, overlaid};
+pub use crate::style::DetailSpec;
+use crate::style::{self, NETWORK, Preset, Registry, StyleConfig, SystemPlan, overlaid};
 use crate::systems::task::RandomHeights;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What is done with the trained styles: the name of a protocol.
@@ -26,11 +27,12 @@ pub enum Kind {
     Invariance,
     Disentanglement,
     Cost,
+    Strokes,
 }
 
 impl Kind {
     /// Every one.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Neighbours,
         Self::Fit,
         Self::Sparse,
@@ -41,6 +43,7 @@ impl Kind {
         Self::Invariance,
         Self::Disentanglement,
         Self::Cost,
+        Self::Strokes,
     ];
 }
 
@@ -112,6 +115,9 @@ pub struct StyleSpec {
     /// Ways to use the style, by their names in the registry; all of them when none is named.
     #[serde(default)]
     pub systems: Vec<String>,
+    /// The coarse systems that it learns, by name; the region network (`gnn`) alone when absent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub learns: Vec<String>,
     /// The configuration to begin with.
     pub preset: Option<Preset>,
     /// Sections of the configuration that differ from the preset and the common overrides.
@@ -122,52 +128,6 @@ pub struct StyleSpec {
     /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"paper"` (SinGAN as it was published), or generators
     /// with these settings. Without it the style is coarse only.
     pub detail: Option<DetailSpec>,
-}
-
-/// The word `patches`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Patches {
-    /// The exemplar's own patches.
-    Patches,
-}
-
-/// The detail of a style.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum DetailSpec {
-    /// The exemplar's patches.
-    Patches(Patches),
-    /// Generators, trained with these settings.
-    Generators(GeneratorConfig),
-}
-
-impl DetailSpec {
-    /// The detail, to learn with these settings.
-    ///
-    /// # Errors
-    /// When one is out of range.
-    pub fn plan(&self) -> Result<Arc<dyn DetailPlan>> {
-        match self {
-            Self::Patches(_) => Registry::default().plan_detail("patches", &toml::Table::new()),
-            Self::Generators(settings) => generators(settings.clone()),
-        }
-    }
-}
-
-// Not derived: an untagged enum would not say which key is wrong.
-impl<'de> Deserialize<'de> for DetailSpec {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        match toml::Value::deserialize(deserializer)? {
-            toml::Value::String(name) => match name.as_str() {
-                "patches" => Ok(Self::Patches(Patches::Patches)),
-                "generators" => Ok(Self::Generators(GeneratorConfig::default())),
-                "paper" => Ok(Self::Generators(GeneratorConfig::paper())),
-                _ => Err(serde::de::Error::unknown_variant(&name, &["patches", "generators", "paper"])),
-            },
-            settings => settings.try_into().map(Self::Generators).map_err(serde::de::Error::custom),
-        }
-    }
 }
 
 /// One piece of terrain.
@@ -209,15 +169,19 @@ pub struct SketchSpec {
     pub order: Option<u8>,
     /// Fewest cells that a line drains; those of `extraction` when absent.
     pub accumulation: Option<u32>,
-    /// Keeps at most so many strokes (lines between junctions).
+    /// Keeps at most so many strokes (lines between junctions; `strokes`: half of them valleys, half ridges).
     pub strokes: Option<usize>,
     /// Which ones; the longest when absent.
     pub choose: Option<Choice>,
     /// `drawings`: the bundled sample sketch.
     pub drawing: Option<String>,
-    /// `drawings`: nodes of random lines (5.2); none when absent.
+    /// `strokes`: side of the truths, cells; 256 when absent.
+    pub size: Option<usize>,
+    /// `strokes`: share of the truth that a drawn line drains at least; that of [`MainLinesConfig`](crate::extract::MainLinesConfig) when absent.
+    pub share: Option<f64>,
+    /// `drawings`, `strokes`: nodes of random lines (5.2); none when absent.
     pub random: Option<usize>,
-    /// `drawings`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
+    /// `drawings`, `strokes`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
     pub random_heights: Option<RandomHeights>,
     /// `invariance`: degrees by which the lines are turned about the middle, counter-clockwise.
     pub turn: Option<f64>,
@@ -324,14 +288,7 @@ impl ExperimentSpec {
         if self.interpolators == ["all"] {
             return Ok(known);
         }
-        if let Some(bad) = self.interpolators.iter().find(|name| !known.contains(name)) {
-            return Err(Error::value(
-                "interpolators",
-                bad,
-                format!("allowed: all (alone), {}", known.join(", ")),
-            ));
-        }
-        Ok(known.into_iter().filter(|name| self.interpolators.contains(name)).collect())
+        chosen(known, &self.interpolators, || "interpolators".to_owned(), "all (alone), ")
     }
 
     /// The registry's names of the ways in which a style is used, in the registry's order.
@@ -339,15 +296,28 @@ impl ExperimentSpec {
     /// # Errors
     /// As [`systems`](Self::systems).
     pub fn uses(&self, style: &StyleSpec) -> Result<Vec<String>> {
-        let known = style::names(&[self.config_of(style)?.plan()?], style.detail.is_some());
+        let known = style::names(&self.plans(style)?, style.detail.is_some());
         if style.systems.is_empty() {
             return Ok(known);
         }
-        if let Some(bad) = style.systems.iter().find(|name| !known.contains(name)) {
-            let name = format!("systems of style {:?}", style.name);
-            return Err(Error::value(name, bad, format!("allowed: {}", known.join(", "))));
+        chosen(known, &style.systems, || format!("systems of style {:?}", style.name), "")
+    }
+
+    /// The coarse systems of a style, to learn.
+    ///
+    /// # Errors
+    /// As [`config_of`](Self::config_of); when there is none of that name.
+    pub(super) fn plans(&self, style: &StyleSpec) -> Result<Vec<Arc<dyn SystemPlan>>> {
+        let network = || self.config_of(style)?.plan();
+        if style.learns.is_empty() {
+            return Ok(vec![network()?]);
         }
-        Ok(known.into_iter().filter(|name| style.systems.contains(name)).collect())
+        let plan = |name: &String| match name.as_str() {
+            NETWORK => network(),
+            name => Registry::default().plan(name, &toml::Table::new()),
+        };
+        let named = |e: Error| e.renamed(|name| format!("learns of style {:?}, {name}", style.name));
+        style.learns.iter().map(plan).collect::<Result<_>>().map_err(named)
     }
 
     /// The whole configuration of a style.
@@ -369,6 +339,11 @@ impl ExperimentSpec {
         overlaid(&base, [&self.overrides, &style.set], "configuration").map_err(named)
     }
 
+    /// Side of the largest truths of `strokes`, cells.
+    pub(super) fn largest_truth(&self) -> usize {
+        self.sketch.iter().map(SketchSpec::size).max().unwrap_or(0)
+    }
+
     /// The system that the experiment is about.
     ///
     /// # Errors
@@ -376,6 +351,26 @@ impl ExperimentSpec {
     pub fn highlighted(&self) -> Result<String> {
         let first = || self.systems().map(|systems| systems[0].clone());
         self.highlight.clone().map_or_else(first, Ok)
+    }
+}
+
+/// Those of the `known` names that are `wanted`, in their own order.
+fn chosen(
+    known: Vec<String>,
+    wanted: &[String],
+    key: impl Fn() -> String,
+    others: &str,
+) -> Result<Vec<String>> {
+    match wanted.iter().find(|name| !known.contains(name)) {
+        Some(bad) => Err(Error::value(key(), bad, format!("allowed: {others}{}", known.join(", ")))),
+        None => Ok(known.into_iter().filter(|name| wanted.contains(name)).collect()),
+    }
+}
+
+impl SketchSpec {
+    /// Side of the truths of `strokes`, cells.
+    pub(super) fn size(&self) -> usize {
+        self.size.unwrap_or(256)
     }
 }
 

@@ -3,20 +3,22 @@
 //! All that this room knows of training stands here.
 
 use super::areas::{Area, Resolved};
-use super::events::{Event, without_panic};
+use super::events::Event;
 use super::measure::Systems;
 use super::record::TrainingRow;
 
 use super::spec::{DetailSpec, ExperimentSpec, StyleSpec};
-use crate::control::{Checkpoints, Control, Progress, Stage};
+use crate::control::{Checkpoints, Control, Progress, Stage, without_panic};
 use crate::error::{Error, Result};
 use crate::file;
 use crate::seed::Seed;
-use crate::style::{GenerationConfig, Named, Recipe, Registry, Style, StyleConfig, learn, unfinished};
+use crate::style::{
+    GenerationConfig, Named, Recipe, Registry, Style, StyleConfig, SystemPlan, learn, unfinished,
+};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Time between two states of a training that are kept: what an interruption can cost.
@@ -27,6 +29,7 @@ struct Training<'a> {
     area: &'a Area,
     style: &'a StyleSpec,
     config: StyleConfig,
+    plans: Vec<Arc<dyn SystemPlan>>,
     seed: u64,
     path: PathBuf,
     /// Where the same style without detail is, if there is one.
@@ -141,10 +144,12 @@ fn trainings<'a>(resolved: &'a Resolved, folder: &Path) -> Result<Vec<Training<'
             let config = resolved.spec.config_of(style)?;
             for &seed in &resolved.spec.seeds {
                 let path = |detail| -> Result<PathBuf> {
-                    Ok(folder.join(format!("{}.safetensors", hash(&config, detail, area, seed)?)))
+                    Ok(folder
+                        .join(format!("{}.safetensors", hash(&config, &style.learns, detail, area, seed)?)))
                 };
                 let (path, coarse) = (path(style.detail.as_ref())?, path(None)?);
-                all.push(Training { area, style, config: config.clone(), seed, path, coarse });
+                let plans = resolved.spec.plans(style)?;
+                all.push(Training { area, style, config: config.clone(), plans, seed, path, coarse });
             }
         }
     }
@@ -162,13 +167,23 @@ fn of_training(config: &StyleConfig) -> StyleConfig {
 }
 
 /// Tells trained styles apart by all that they depend on.
-fn hash(config: &StyleConfig, detail: Option<&DetailSpec>, area: &Area, seed: u64) -> Result<String> {
+fn hash(
+    config: &StyleConfig,
+    learns: &[String],
+    detail: Option<&DetailSpec>,
+    area: &Area,
+    seed: u64,
+) -> Result<String> {
     let plain = |e| Error::value("configuration", e, "plain data");
     let e = &area.source.info;
     let mut hasher = Sha256::new();
     hasher.update(serde_json::to_string(&of_training(config)).map_err(plain)?);
     if let Some(detail) = detail {
         hasher.update(serde_json::to_string(detail).map_err(plain)?);
+    }
+    if !learns.is_empty() {
+        // What these learn from reaches beyond the window.
+        hasher.update(format!("{learns:?} {}", e.source_sha256));
     }
     hasher.update(e.sha256.as_bytes());
     hasher.update(format!("{} {} {:?} {seed}", e.row, e.col, e.cell_size));
@@ -181,7 +196,11 @@ fn load(path: &Path, training: &Training<'_>, with_detail: bool) -> Option<Style
     // A training that ended early says so in its number of epochs.
     let mut config = of_training(&style.config());
     config.model.epochs = training.config.model.epochs;
-    let is_it = config == of_training(&training.config)
+    // A style without a network has no configuration of one.
+    let is_configured = style.network().is_err() || config == of_training(&training.config);
+    let names = |style: &Style| style.coarse.iter().map(|system| system.name()).collect::<Vec<_>>();
+    let is_it = is_configured
+        && names(&style) == training.plans.iter().map(|plan| plan.name()).collect::<Vec<_>>()
         && style.origin.exemplar == training.area.source.info
         && style.origin.seed == Seed(training.seed)
         && style.detail.is_some() == with_detail;
@@ -199,6 +218,7 @@ fn train(training: &Training<'_>, watch: &(dyn Fn(Event) + Sync)) -> Result<Outc
             }
         };
         let mut recipe = Recipe::network(&training.config, Seed(training.seed))?;
+        recipe.systems.clone_from(&training.plans);
         recipe.detail = training.style.detail.as_ref().map(DetailSpec::plan).transpose()?;
         // Another style of the experiment, or another experiment, may have trained the coarse model.
         recipe.known = recipe.detail.as_ref().and_then(|_| load(&training.coarse, training, false));

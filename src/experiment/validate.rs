@@ -140,8 +140,30 @@ fn check_sketch(spec: &ExperimentSpec, sketch: &SketchSpec) -> Result<()> {
         check(!given || source == reader, key, "given", &format!("allowed: for kind = {name:?} only"))
     };
     only(is_moved, "turn, mirror, shift or same_parts", SketchSource::MovedPatches, "invariance")?;
-    let is_drawn = sketch.drawing.is_some() || sketch.random.is_some() || sketch.random_heights.is_some();
-    only(is_drawn, "drawing, random or random_heights", SketchSource::Drawings, "drawings")?;
+    only(sketch.drawing.is_some(), "drawing", SketchSource::Drawings, "drawings")?;
+    only(
+        sketch.size.is_some() || sketch.share.is_some(),
+        "size or share",
+        SketchSource::MainLines,
+        "strokes",
+    )?;
+    if source != SketchSource::MainLines {
+        let is_random = sketch.random.is_some() || sketch.random_heights.is_some();
+        only(is_random, "random or random_heights", SketchSource::Drawings, "drawings\" or \"strokes")?;
+    }
+    let side = sketch.size();
+    check((64..=4096).contains(&side), "size", side, "allowed: 64 to 4096 cells")?;
+    let share = sketch.share.unwrap_or(1.0);
+    check(share > 0.0 && share <= 1.0, "share", share, "allowed: above 0 to 1")?;
+    if source == SketchSource::MainLines {
+        let of_network = sketch.order.is_some() || sketch.accumulation.is_some() || sketch.choose.is_some();
+        check(
+            !of_network,
+            "order, accumulation or choose",
+            "given",
+            "main lines are the longest: share says how many",
+        )?;
+    }
     let has_count = sketch.strokes != Some(0) && (sketch.strokes.is_some() || sketch.choose.is_none());
     check(has_count, "strokes", format!("{:?}", sketch.strokes), "allowed: at least 1")?;
     if source == SketchSource::Drawings {

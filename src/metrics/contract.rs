@@ -33,6 +33,9 @@ pub struct Contract {
     pub strokes: Vec<StrokeCheck>,
     /// Share of the cells in ponds ([`ponded_share`]).
     pub pits: f64,
+    /// The same of the terrain that the style was learned from; none where that is not known.
+    #[serde(default)]
+    pub style_pits: Option<f64>,
     /// Cells of rivers of order 4 and more that no drawn valley is near, as a share of all such cells; none without any.
     pub unasked_rivers: Option<f64>,
     /// The same of ridges.
@@ -103,6 +106,7 @@ impl Contract {
             largest_height_error: errors.fold(0.0, f64::max),
             strokes,
             pits: ponded_share(&surface),
+            style_pits: None,
             unasked_rivers: rivers.unasked(&lines.mask_of(StrokeKind::Valley)),
             unasked_ridges: ridges.unasked(&lines.mask_of(StrokeKind::Ridge)),
         })
@@ -157,7 +161,12 @@ impl Contract {
             height(self.height_error),
             self.largest_height_error
         );
-        text += &format!("cells in pits              {}\n", share(Some(self.pits)));
+        let of_style = self.style_pits.map(|pits| format!(" (of the style {})", share(Some(pits))));
+        text += &format!(
+            "cells in pits              {}{}\n",
+            share(Some(self.pits)),
+            of_style.unwrap_or_default()
+        );
         text += &format!("large rivers not asked for {}\n", share(self.unasked_rivers));
         text + &format!("large ridges not asked for {}\n", share(self.unasked_ridges))
     }

@@ -107,8 +107,28 @@ fn landform_shares(terrain: &Grid<f32>, valid: &Mask, flat: f64) -> Vec<f64> {
     (0..LANDFORMS).map(|k| rows.iter().map(|r| r[k]).sum::<usize>() as f64 / cells as f64).collect()
 }
 
-/// The landform at a cell. Lines of sight end at the frame and at voids.
+/// The landform at a cell.
 fn landform(terrain: &Grid<f32>, valid: &Mask, cell: Cell, flat: f64) -> usize {
+    let (higher, lower) = sight(terrain, valid, cell, flat);
+    FORMS[usize::from(lower)][usize::from(higher)]
+}
+
+/// How many of the eight lines of sight at every valid cell see higher ground and how many lower; 0 and 0 at voids. `flat` as in
+/// [`landform_shares`].
+pub(super) fn sights(terrain: &Grid<f32>, valid: &Mask, flat: f64) -> Grid<(u8, u8)> {
+    let (rows, cols) = terrain.shape();
+    let mut views = Grid::filled(rows, cols, (0, 0));
+    views.as_mut_slice().par_iter_mut().enumerate().for_each(|(i, view)| {
+        let cell = Cell::new(i / cols, i % cols);
+        if valid[cell] {
+            *view = sight(terrain, valid, cell, flat);
+        }
+    });
+    views
+}
+
+/// Lines of sight end at the frame and at voids: (higher, lower).
+fn sight(terrain: &Grid<f32>, valid: &Mask, cell: Cell, flat: f64) -> (u8, u8) {
     let (rows, cols) = terrain.shape();
     let here = f64::from(terrain[cell]);
     let (mut higher, mut lower) = (0, 0);
@@ -129,7 +149,7 @@ fn landform(terrain: &Grid<f32>, valid: &Mask, cell: Cell, flat: f64) -> usize {
             lower += 1;
         }
     }
-    FORMS[lower][higher]
+    (higher, lower)
 }
 
 #[cfg(test)]

@@ -10,14 +10,17 @@ mod embedding;
 mod error;
 mod landforms;
 mod lines;
+mod naming;
 #[cfg(test)]
 mod oracle_tests;
 mod patches;
+mod provenance;
 mod relief;
 mod scores;
 mod spectrum;
 mod ssim;
 mod summary;
+mod two_sample;
 
 pub use contract::{Contract, ContractBounds, StrokeCheck};
 pub use correlation::spearman;
@@ -25,7 +28,9 @@ pub use embedding::{Labelled, Separation, separation, tsne};
 pub use error::{psnr, rmse};
 pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
 pub use lines::{LineAgreement, line_agreement, stroke_height_error};
+pub(crate) use naming::{decimals, lower_is_better, title};
 pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
+pub use provenance::{Origin, Provenance, SourceAudit};
 pub use relief::{
     curvature_distance, mean_slope_ratio, mean_square_slope, mean_valid_slope, pit_share, roughness,
     slope_distance,
@@ -34,7 +39,8 @@ pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
 pub use spectrum::{radial_spectrum, spectrum_distance};
 pub use ssim::{SsimMap, ssim, ssim_map};
 pub(crate) use ssim::{WINDOW, similarity, window_means, window_means_adjoint};
-pub use summary::{Spread, Summary};
+pub use summary::{Spread, Stat, Summary};
+pub use two_sample::{WINDOW_FEATURES, WindowFeatures, told_share, window_features};
 
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};

@@ -2,6 +2,32 @@
 
 use super::Scores;
 
+/// Mean and sample standard deviation (n - 1; 0 for a single value).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stat {
+    /// The mean.
+    pub mean: f64,
+    /// The standard deviation.
+    pub sd: f64,
+    /// How many values.
+    pub n: usize,
+}
+
+impl Stat {
+    /// Of at least one value.
+    #[must_use]
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let values: Vec<f64> = values.into_iter().collect();
+        let n = values.len();
+        if n == 0 {
+            return None;
+        }
+        let mean = values.iter().sum::<f64>() / n as f64;
+        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+        Some(Self { mean, sd: if n > 1 { (squares / (n - 1) as f64).sqrt() } else { 0.0 }, n })
+    }
+}
+
 /// Mean and standard deviation of one score.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -34,14 +60,7 @@ impl Summary {
         let names = rows.first().into_iter().flatten().map(|value| value.0);
         let spreads = names.enumerate().filter_map(|(i, name)| {
             let values = rows.iter().filter_map(|row| row[i].1);
-            let values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
-            let count = values.len();
-            if count == 0 {
-                return None;
-            }
-            let mean = values.iter().sum::<f64>() / count as f64;
-            let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-            let sd = if count > 1 { (squares / (count - 1) as f64).sqrt() } else { 0.0 };
+            let Stat { mean, sd, n: count } = Stat::of(values.filter(|value| value.is_finite()))?;
             Some(Spread { name: name.to_owned(), mean, sd, count })
         });
         Self { patches: scores.len(), spreads: spreads.collect() }

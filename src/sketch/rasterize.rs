@@ -34,7 +34,7 @@ impl Sketch {
 
 impl Stroke {
     /// The cells that the stroke passes on a map of `rows` x `cols` cells, in order, with their heights.
-    pub(in crate::sketch) fn cells(&self, rows: usize, cols: usize) -> Vec<(Cell, f64)> {
+    pub(crate) fn cells(&self, rows: usize, cols: usize) -> Vec<(Cell, f64)> {
         visits(self, rows, cols).into_iter().map(|visit| (visit.cell, visit.height)).collect()
     }
 

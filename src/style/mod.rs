@@ -6,6 +6,8 @@
 
 mod config;
 mod detail;
+mod detail_spec;
+mod drain;
 mod file;
 mod heights;
 mod learn;
@@ -24,6 +26,8 @@ pub use crate::systems::singan::DetailConfig as GeneratorConfig;
 pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
 pub use config::{StyleConfig, generators, overlaid, overlay};
 pub use detail::add_detail;
+pub use detail_spec::{DetailSpec, Patches};
+pub(crate) use drain::Drain;
 pub use file::KEY;
 pub use learn::{learn, unfinished};
 pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, Stored, SystemPlan, detail_plan, system_plan};
@@ -38,6 +42,7 @@ use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
 use crate::grid::Grid;
+use crate::metrics::Provenance;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use crate::systems::task::DetailUse;
@@ -204,10 +209,44 @@ impl Style {
         seed: Seed,
         stop: &Stop,
     ) -> Result<Grid<f32>> {
+        let made = self.made(lines, method, range, |system, unit| {
+            system.draw(unit, seed, stop).map(|terrain| (terrain, ()))
+        });
+        Ok(made?.0)
+    }
+
+    /// As [`generate`](Self::generate), with where every cell comes from, in rows and columns of the style's [terrain](Self::terrain).
+    ///
+    /// # Errors
+    /// As there; when the system lays no places of the exemplar.
+    pub fn generate_traced(
+        &self,
+        lines: &LineMap,
+        method: &Method,
+        range: Option<Normalization>,
+        seed: Seed,
+        stop: &Stop,
+    ) -> Result<(Grid<f32>, Provenance)> {
+        self.made(lines, method, range, |system, unit| {
+            system.traced(unit, seed, stop).unwrap_or_else(|| {
+                let allowed = "its terrain is not laid from places of the exemplar; synthesis has sources (--method synthesis)";
+                Err(Error::value("sources of the system", system.name(), allowed))
+            })
+        })
+    }
+
+    /// Terrain in metres and what `make` gives beside it. Lines and answer of `make` are in the unit interval.
+    fn made<T>(
+        &self,
+        lines: &LineMap,
+        method: &Method,
+        range: Option<Normalization>,
+        make: impl FnOnce(&dyn LearnedSystem, &LineMap) -> Result<(Grid<f32>, T)>,
+    ) -> Result<(Grid<f32>, T)> {
         let range = range.unwrap_or(self.origin.normalization);
         let unit = lines.to_unit(range);
-        let system = self.system_for(lines, method)?;
-        let mut terrain = range.denormalize(&system.draw(&unit, seed, stop)?);
+        let (terrain, beside) = make(&**self.system_for(lines, method)?, &unit)?;
+        let mut terrain = range.denormalize(&terrain);
         // What passes through the lines in the unit interval does so in metres, to the bit.
         let drawn =
             lines.kinds().as_slice().iter().zip(lines.heights().as_slice()).zip(unit.heights().as_slice());
@@ -216,7 +255,7 @@ impl Style {
                 *z = height;
             }
         }
-        Ok(terrain)
+        Ok((terrain, beside))
     }
 
     /// `dem` with `factor` times as many cells in each direction, and the style's detail below its own cells. Where it has voids, so

@@ -64,6 +64,31 @@ fn generate(sketch: &Path, more: &[&str]) -> (Answer, Value) {
     (answer, serde_json::from_str(&info).unwrap())
 }
 
+#[test]
+fn water_finds_its_way_out_where_the_style_drains() {
+    let folder = temporary();
+    let json = folder.path().join("c.json");
+    let checked = |sketch: &str, more: &[&str]| -> Value {
+        let check = ["--check", "--check-json", json.to_str().unwrap()];
+        generate(Path::new(sketch), &[&check, more].concat());
+        serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap()
+    };
+    let pits = |found: &Value| found["pits"].as_f64().unwrap();
+    for sketch in ["range-and-river", "three-peaks"] {
+        let as_made = checked(sketch, &["--method", "network", "--drain=never"]);
+        let drained = checked(sketch, &["--method", "network"]);
+        assert_eq!(drained, checked(sketch, &["--method", "network", "--drain"]));
+        let of_style = drained["style_pits"].as_f64().unwrap();
+        assert!(pits(&drained) <= of_style.max(0.003) + 1e-9, "{sketch}: {drained}");
+        assert!(pits(&drained) < 0.5 * pits(&as_made), "{sketch}: {as_made} {drained}");
+        // Strokes are not cut for it.
+        assert_eq!(drained["height_error"], as_made["height_error"], "{sketch}");
+        // Of itself.
+        let synthesis = checked(sketch, &["--method", "synthesis"]);
+        assert!(pits(&synthesis) <= of_style.max(0.003) + 1e-9, "{sketch}: {synthesis}");
+    }
+}
+
 fn refused(sketch: &Path, more: &[&str], words: &[&str]) {
     let folder = temporary();
     let out = folder.path().join("o.tif");

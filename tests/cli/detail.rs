@@ -38,7 +38,17 @@ fn detail_is_trained_added_and_left_out() {
     let json: Value = serde_json::from_str(&done(at, &["info", "s.safetensors", "--json"]).out).unwrap();
     assert_eq!(json["detail"]["config"]["steps"], 6);
 
-    let base = ["generate", "s.safetensors", "--method", "network", "--sketch", "lambda-ring", "-o"];
+    // As the network makes it: what is drained is another matter.
+    let base = [
+        "generate",
+        "s.safetensors",
+        "--method",
+        "network",
+        "--drain=never",
+        "--sketch",
+        "lambda-ring",
+        "-o",
+    ];
     let make = |file: &str, more: &[&str]| {
         done(at, &[&base[..], &[file], more].concat());
         heights(&at.join(file))
@@ -240,8 +250,21 @@ fn patches_are_detail_that_needs_no_training() {
     let make = |style: &str, file: &str, more: &[&str]| {
         done(
             at,
-            &[&["generate", style, "--method", "network", "--sketch", "lambda-ring", "-o", file], more]
-                .concat(),
+            &[
+                &[
+                    "generate",
+                    style,
+                    "--method",
+                    "network",
+                    "--drain=never",
+                    "--sketch",
+                    "lambda-ring",
+                    "-o",
+                    file,
+                ],
+                more,
+            ]
+            .concat(),
         );
         heights(&at.join(file))
     };

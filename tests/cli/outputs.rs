@@ -5,11 +5,12 @@ use std::path::Path;
 
 /// Everything that writes: the command without the option, the option, a wrong ending, and a good name. `STYLE` is a file
 /// that is no style: whoever read it before looking at the outputs would complain about it.
-const WRITERS: [(&[&str], &str, &str, &str); 13] = [
+const WRITERS: [(&[&str], &str, &str, &str); 14] = [
     (&["extract", "hill.asc"], "--output", "x.shp", "x.geojson"),
     (&["train", "hill.asc"], "--output", "x.pt", "x.safetensors"),
     (&["generate", "STYLE", "--sketch", "lambda-ring"], "--output", "x.jpg", "x.tif"),
     (&["generate", "STYLE", "--sketch", "lambda-ring", "-o", "y.tif"], "--check-json", "x.txt", "x.json"),
+    (&["generate", "STYLE", "--sketch", "lambda-ring", "-o", "y.tif"], "--sources", "x.jpg", "x.npz"),
     (&["amplify", "STYLE", "hill.asc", "--factor", "2"], "--output", "x.obj", "x.tif"),
     (&["sample", "STYLE", "--size", "64"], "--output", "x.bmp", "x.png"),
     (&["render", "hill.asc"], "--output", "x.jpg", "x.png"),
@@ -75,7 +76,7 @@ fn the_table_knows_every_option_that_writes() {
     for (verb, options) in [
         ("extract", &["--output"][..]),
         ("train", &["--output"]),
-        ("generate", &["--output", "--check-json"]),
+        ("generate", &["--output", "--sources", "--check-json"]),
         ("amplify", &["--output"]),
         ("sample", &["--output"]),
         ("render", &["--output"]),

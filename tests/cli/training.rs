@@ -2,6 +2,7 @@
 
 use super::{done, fails, run, temporary};
 use serde_json::Value;
+use std::path::Path;
 
 #[test]
 fn options_overrule_a_configuration_file() {
@@ -52,14 +53,24 @@ fn a_style_is_trained_used_and_scored() {
         &["generate", "s.safetensors", "--sketch", "single-stroke", "-o", "c.tif", "--random-sketches", "12"],
     );
 
-    let eval = ["eval", "s.safetensors", "sierra", "--systems", "gnn,laplace"];
+    sources_are_written(at);
+
+    let eval = ["eval", "s.safetensors", "sierra", "--systems", "gnn,laplace,synthesis"];
     let files = ["--patches", "0,0;128,0;256,256", "--csv", "s.csv", "--json", "s.json", "--save", "rebuilt"];
     let answer = done(at, &[&eval[..], &files[..]].concat());
     assert!(answer.out.contains("1 patch overlaps the exemplar"), "{}", answer.out);
     let rows = std::fs::read_to_string(at.join("s.csv")).unwrap();
-    assert_eq!(rows.lines().count(), 1 + 2 * 2, "{rows}");
+    assert_eq!(rows.lines().count(), 1 + 2 * 3, "{rows}");
     let json: Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
-    assert_eq!(json["systems"].as_array().unwrap().len(), 2);
+    assert_eq!(json["systems"].as_array().unwrap().len(), 3);
+    // What is laid from the exemplar is audited by what it says itself.
+    for kind in json["kinds"].as_array().unwrap() {
+        let (share, repeats) = (kind["verbatim_share"].as_f64(), kind["most_uses"].as_f64());
+        match kind["system"].as_str().unwrap() {
+            "synthesis" => assert!(share.unwrap() < 0.9 && repeats.unwrap() >= 1.0, "{kind}"),
+            _ => assert_eq!((share, repeats), (None, None), "{kind}"),
+        }
+    }
     for file in ["truth.tif", "sketch.geojson", "gnn.tif", "laplace.tif"] {
         assert!(at.join("rebuilt/0_0").join(file).exists(), "{file}");
     }
@@ -83,6 +94,44 @@ fn a_style_is_trained_used_and_scored() {
         1,
         &["torn.safetensors"],
     );
+}
+
+/// `--sources` of the style in `at`, whose terrain is all of sierra.
+fn sources_are_written(at: &Path) {
+    fn generate<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        [&["generate", "s.safetensors", "--sketch", "single-stroke"], more].concat()
+    }
+    done(at, &generate(&["-o", "d.tif", "--sources", "d.npz"]));
+    let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(at.join("d.npz")).unwrap()).unwrap();
+    let mut read = |name: &str| -> ndarray::Array2<i32> { npz.by_name(name).unwrap() };
+    let [row, col, symmetry, stroke] = ["row", "col", "symmetry", "stroke"].map(&mut read);
+    let mut strokes = 0;
+    for (at, &stroke) in stroke.indexed_iter() {
+        let place = [row[at], col[at], symmetry[at]];
+        if stroke == 1 {
+            strokes += 1;
+            assert_eq!(place, [-1; 3], "{at:?}");
+        } else {
+            assert!(
+                stroke == 0 && (0..512).contains(&place[0]) && (0..512).contains(&place[1]),
+                "{at:?} {place:?}"
+            );
+            assert!((0..8).contains(&place[2]), "{at:?} {place:?}");
+        }
+    }
+    assert!(strokes > 20, "{strokes} cells of the stroke");
+    // The same terrain as without, and a picture of it for every variant.
+    done(at, &generate(&["-o", "e.tif"]));
+    assert_eq!(std::fs::read(at.join("d.tif")).unwrap(), std::fs::read(at.join("e.tif")).unwrap());
+    done(at, &generate(&["-o", "f.tif", "--variants", "2", "--sources", "f.png"]));
+    let [one, two] = ["f.png", "f-2.png"].map(|name| std::fs::read(at.join(name)).unwrap());
+    assert_ne!(one, two);
+    // Before any work, and nothing is written.
+    for method in ["network", "landscape"] {
+        let args = generate(&["-o", "g.tif", "--sources", "g.npz", "--method", method]);
+        fails(at, &args, 1, &["s.safetensors", "sources", "--method synthesis"]);
+        assert!(!at.join("g.tif").exists() && !at.join("g.npz").exists());
+    }
 }
 
 #[test]

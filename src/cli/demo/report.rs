@@ -19,6 +19,8 @@ const SHEET_SCALE: usize = 3;
 pub(super) struct Page {
     styles: Vec<StylePictures>,
     drawing: Picture,
+    drawings: Picture,
+    variants: Picture,
     comparison: Picture,
     detail: Picture,
     errors: Picture,
@@ -59,6 +61,7 @@ impl Page {
         }
         let drawing = LineArt::try_from(&results.drawing)?.on_paper(SCALE)?;
         let patch = &results.evaluation.patches[0];
+        let (drawings, variants) = (drawings(results, &styles, &drawing)?, variants(results)?);
         let comparison = comparison(patch, results)?;
         let detail = detail(patch, results)?;
         let errors = errors(patch, results)?;
@@ -66,12 +69,14 @@ impl Page {
             (scores(results, "SSIM", 3, |s| s.ssim)?, scores(results, "PSNR, dB", 2, |s| Some(s.psnr))?);
         overview(results, &styles, &drawing)?.write_png(&out.join("overview.png"))?;
         drawing.write_png(&out.join("drawing.png"))?;
+        drawings.write_png(&out.join("drawings.png"))?;
+        variants.write_png(&out.join("variants.png"))?;
         comparison.write_png(&out.join("comparison.png"))?;
         detail.write_png(&out.join("detail.png"))?;
         errors.write_png(&out.join("errors.png"))?;
         ssim.write(&out.join("ssim.svg"))?;
         psnr.write(&out.join("psnr.svg"))?;
-        Ok(Self { styles, drawing, comparison, detail, errors, ssim, psnr })
+        Ok(Self { styles, drawing, drawings, variants, comparison, detail, errors, ssim, psnr })
     }
 
     /// The page as HTML.
@@ -98,7 +103,13 @@ impl Page {
             ));
             figures.push(Figure::new(&pictures.drawn, format!("In the style of {}, by synthesis", s.title)));
         }
-        report = report.figures(figures);
+        report = report
+            .figures(figures)
+            .figure(&self.drawings, "Four drawings in two styles, by synthesis: strokes beside terrain")
+            .figure(
+                &self.variants,
+                "One drawing from three seeds: strokes hold, what lies between them is laid out anew",
+            );
         let mut figures = Vec::new();
         for (s, pictures) in results.styles.iter().zip(&self.styles) {
             figures.push(Figure::new(&pictures.random, format!("With random lines, for {}", s.title)));
@@ -166,8 +177,7 @@ impl Page {
 
 impl StylePictures {
     fn draw(s: &DemoStyle) -> Result<Self> {
-        // One light and one range for the exemplar and all that is made in its style.
-        let relief = Relief::with_palette(palette(s.name)).scaled(SCALE).fixed_for(&s.source.dem);
+        let relief = relief(s);
         let exemplar = relief.draw(&s.source.dem)?;
         let mut lines = exemplar.clone();
         LineArt::from(&s.lines).overlay(&mut lines, &LineStyle::default())?;
@@ -182,6 +192,43 @@ impl StylePictures {
             curves: curves(s)?,
         })
     }
+}
+
+/// A row for each drawing: its strokes, and its terrain in every style.
+fn drawings(results: &DemoResults, styles: &[StylePictures], drawing: &Picture) -> Result<Picture> {
+    let heads = results.styles.iter().map(|s| format!("in the style of {}", s.name));
+    let mut sheet = Sheet::new(1 + styles.len())
+        .column_heads(std::iter::once("strokes".to_owned()).chain(heads))
+        .panel(drawing.shrunk(2), "");
+    for pictures in styles {
+        sheet = sheet.panel(pictures.drawn.shrunk(2), "");
+    }
+    for (i, sketch) in results.others.iter().enumerate() {
+        sheet = sheet.panel(LineArt::try_from(sketch)?.on_paper(SCALE)?.shrunk(2), "");
+        for s in &results.styles {
+            sheet = sheet.panel(relief(s).draw(&s.others[i])?.shrunk(2), "");
+        }
+    }
+    sheet.draw()
+}
+
+/// A row for each style: the strokes of one drawing, and its terrain from several seeds.
+fn variants(results: &DemoResults) -> Result<Picture> {
+    let mut sheet =
+        Sheet::new(1 + results.styles[0].variants.len()).row_heads(results.styles.iter().map(|s| s.name));
+    for s in &results.styles {
+        sheet = sheet.panel(LineArt::try_from(&results.others[0])?.on_paper(SCALE)?.shrunk(2), "strokes");
+        for (i, terrain) in s.variants.iter().enumerate() {
+            let seed = s.style.origin.seed.0.wrapping_add(i as u64);
+            sheet = sheet.panel(relief(s).draw(terrain)?.shrunk(2), format!("seed {seed}"));
+        }
+    }
+    sheet.draw()
+}
+
+/// One light and one range for the exemplar and all that is made in its style.
+fn relief(s: &DemoStyle) -> Relief {
+    Relief::with_palette(palette(s.name)).scaled(SCALE).fixed_for(&s.source.dem)
 }
 
 /// Each style in a row: the exemplar, its lines, the drawing, and the drawing as terrain.

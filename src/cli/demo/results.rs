@@ -20,6 +20,10 @@ pub(super) struct DemoStyle {
     /// The drawing as terrain, by the network with detail and by the synthesis.
     pub(super) by_network: Dem,
     pub(super) drawn: Dem,
+    /// The other drawings as terrain, by the synthesis.
+    pub(super) others: Vec<Dem>,
+    /// The first of them from several seeds.
+    pub(super) variants: Vec<Dem>,
     /// The drawing with random lines (metres), and its terrain.
     pub(super) enhanced: (Sketch, Dem),
 }
@@ -30,6 +34,8 @@ pub(super) struct DemoResults {
     pub(super) styles: Vec<DemoStyle>,
     /// The drawing in metres of the first style.
     pub(super) drawing: Sketch,
+    /// The other drawings, likewise.
+    pub(super) others: Vec<Sketch>,
     pub(super) evaluation: Evaluation,
     /// Cell size of the compared patches, and their DEM's name.
     pub(super) compared: Dem,

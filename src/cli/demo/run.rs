@@ -14,6 +14,7 @@ use crate::evaluate::{EvaluationConfig, PATCH, choose_exemplar, evaluate, patch_
 use crate::extract;
 use crate::file;
 use crate::grid::{Cell, Grid, Window};
+use crate::seed::Seed;
 use crate::sketch::geojson::{self, HeightUnit};
 use crate::sketch::{Sketch, samples};
 use crate::style::{Method, NETWORK, Recipe, Source, Style, StyleConfig, add_detail, learn};
@@ -26,6 +27,10 @@ use std::time::Instant;
 const EXEMPLARS: [&str; 2] = ["sierra", "grand-canyon"];
 /// The hand-drawn sketch: a ridge like a lambda inside a ring of valleys (Liu & Benes 2025, Fig. 10).
 const DRAWING: &str = "lambda-ring";
+/// What becomes of these is shown beside it, and what several seeds make of the first one.
+const OTHERS: [&str; 3] = ["range-and-river", "valley-system", "single-stroke"];
+/// Seeds of one drawing.
+const VARIANTS: u64 = 3;
 /// Nodes of random lines in the enhanced version of the drawing (paper, 5.2).
 const RANDOM_NODES: usize = 40;
 
@@ -35,8 +40,8 @@ const RANDOM_NODES: usize = 40;
   monadnock demo
   monadnock demo --quick --out look
 
-Trains a style on each embedded exemplar, rebuilds neighbouring terrain with every system, turns a drawing into terrain in
-both styles, and writes report.html with all pictures, GeoTIFFs, sketches and styles beside it.")]
+Trains a style on each embedded exemplar, rebuilds neighbouring terrain with every system, turns four drawings into terrain
+in both styles, and writes report.html with all pictures, GeoTIFFs, sketches and styles beside it.")]
 pub(in crate::cli) struct DemoArgs {
     /// Train briefly and compare on three patches only
     #[arg(long)]
@@ -98,11 +103,13 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     drop(progress);
     timed(format!("rebuilding {} patches with {} systems", origins.len(), systems.len()), started);
 
-    let reading = samples::load(DRAWING)?;
-    let drawing = in_metres(&reading, styles[0].style.origin.normalization);
+    let range = styles[0].style.origin.normalization;
+    let drawing = in_metres(&samples::load(DRAWING)?, range);
+    let others = OTHERS.map(|name| Ok(in_metres(&samples::load(name)?, range)));
+    let others = others.into_iter().collect::<Result<_>>()?;
     let commands = commands(&styles, args.quick);
     let mut results =
-        DemoResults { quick: args.quick, styles, drawing, evaluation, compared, times, commands };
+        DemoResults { quick: args.quick, styles, drawing, others, evaluation, compared, times, commands };
     let started = Instant::now();
     write_data(&results, out)?;
     let page = report::Page::draw(&results, out)?;
@@ -126,9 +133,10 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop())?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
     let detail = style.needed_detail()?;
-    let made = |sketch: &Sketch, method: &Method| {
-        style.generate(&sketch.rasterize(), method, None, context.seed, &context.stop())
+    let with_seed = |sketch: &Sketch, method: &Method, seed: Seed| {
+        style.generate(&sketch.rasterize(), method, None, seed, &context.stop())
     };
+    let made = |sketch: &Sketch, method: &Method| with_seed(sketch, method, context.seed);
     let network = Method::System(NETWORK.to_owned());
     let detailed = |sketch: &Sketch| -> Result<Dem> {
         let (coarse, lines) = (made(sketch, &network)?, sketch.rasterize());
@@ -140,6 +148,13 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let ground = ground_of(&style, range);
     let richer = with_random_lines(&drawing, RANDOM_NODES, RandomHeights::default(), ground, context.seed)?;
     let drawn = Dem::new(made(&drawing, &Method::Auto)?, source.dem.cell_size())?;
+    let other = |name: &str, seed: Seed| {
+        let sketch = in_metres(&samples::load(name)?, range);
+        Dem::new(with_seed(&sketch, &Method::Auto, seed)?, source.dem.cell_size())
+    };
+    let others = OTHERS.iter().map(|name| other(name, context.seed)).collect::<Result<_>>()?;
+    let seeds = (0..VARIANTS).map(|i| Seed(context.seed.0.wrapping_add(i)));
+    let variants = seeds.map(|seed| other(OTHERS[0], seed)).collect::<Result<_>>()?;
     let (by_network, enhanced) = (detailed(&drawing)?, detailed(&richer)?);
     let lines = lines.to_metres(range);
     Ok(DemoStyle {
@@ -152,6 +167,8 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
         rebuilt,
         by_network,
         drawn,
+        others,
+        variants,
         enhanced: (richer, enhanced),
     })
 }
@@ -166,6 +183,9 @@ fn write_data(results: &DemoResults, out: &Path) -> Result<()> {
         io::write(&s.rebuilt, &file("rebuilt.tif"), &options)?;
         io::write(&s.by_network, &file("drawn-by-network.tif"), &options)?;
         io::write(&s.drawn, &file("drawn.tif"), &options)?;
+        for (name, terrain) in OTHERS.iter().zip(&s.others) {
+            io::write(terrain, &file(&format!("{name}.tif")), &options)?;
+        }
         io::write(&s.enhanced.1, &file("drawn-with-random-lines.tif"), &options)?;
         let geo = s.source.dem.georeference();
         geojson::write(&file("exemplar.geojson"), &Sketch::trace(&s.lines), HeightUnit::Metres, geo)?;
@@ -191,6 +211,13 @@ fn commands(styles: &[DemoStyle], quick: bool) -> Vec<String> {
         ] {
             commands.push(format!(
                 "monadnock generate {0}-style.safetensors --sketch {DRAWING} -o {0}-{file}.tif{more}",
+                s.name
+            ));
+        }
+        for name in OTHERS {
+            let variants = if name == OTHERS[0] { format!(" --variants {VARIANTS}") } else { String::new() };
+            commands.push(format!(
+                "monadnock generate {0}-style.safetensors --sketch {name} -o {0}-{name}.tif{variants}",
                 s.name
             ));
         }

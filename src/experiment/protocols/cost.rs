@@ -94,13 +94,8 @@ impl Protocol for Cost {
                 continue;
             }
             let caption = format!("{title}, seconds and peak memory of the process up to then:");
-            let columns = [
-                Column::text("stage"),
-                Column::text("system"),
-                Column::number("n", 0),
-                Column::number("s", 5),
-                Column::number("MB", 0),
-            ];
+            let numbers = [("n", 0), ("s", 5), ("MB", 0)].map(|(name, digits)| Column::number(name, digits));
+            let columns = ["stage", "system"].map(Column::text).into_iter().chain(numbers);
             let table = rows.into_iter().fold(Table::new(columns).caption(caption), |table, row| {
                 let peak = row.peak_memory_mb.map(|mb| mb as f64);
                 let words = [Entry::from(row.stage), row.system.into(), row.n.into(), row.seconds.into()];

@@ -6,7 +6,7 @@ use crate::dem::Normalization;
 use crate::error::Result;
 use crate::experiment::areas::{Area, Resolved};
 use crate::experiment::measure::{Measured, STYLE_COLUMNS, Task, Values, beside_style, value_of};
-use crate::experiment::pictures::{Gallery, Painter, paper, plain};
+use crate::experiment::pictures::{Gallery, paper, plain};
 use crate::experiment::protocol::check;
 use crate::experiment::protocol::{Finding, Protocol, SketchSource};
 use crate::experiment::record::Record;
@@ -21,7 +21,7 @@ use crate::seed::Seed;
 use crate::sketch::{LineMap, StrokeKind, samples};
 use crate::style::Named;
 use crate::systems::task::{Ground, RandomHeights, with_random_lines};
-use crate::viz::Sheet;
+use crate::viz::{Painter, Sheet};
 use std::time::Instant;
 
 /// Variants of a drawing.
@@ -110,7 +110,7 @@ impl Protocol for Drawings {
         for area in &gallery.resolved.areas {
             let systems = gallery.systems(area)?;
             let Some((_, system)) = systems.called(highlight) else { continue };
-            let painter = Painter::new(&area.source.dem, Normalization::of(&area.source.dem));
+            let painter = Painter::of(&area.source.dem);
             for name in &names {
                 let rows = || gallery.sketches.iter().filter(|s| s.drawing.as_deref() == Some(name));
                 let mut sheet = Sheet::new(1 + VARIANTS)

@@ -7,15 +7,15 @@ use crate::error::Result;
 use crate::evaluate::{PATCH, patch_seed};
 use crate::experiment::areas::{Area, Resolved};
 use crate::experiment::measure::{Measured, STYLE_COLUMNS, Task, beside_style, patch_of, rebuild};
-use crate::experiment::pictures::{Gallery, Painter, blank, paper};
+use crate::experiment::pictures::{Gallery, blank, paper};
 use crate::experiment::protocol::{Finding, Protocol, SketchSource};
 use crate::experiment::record::Record;
 use crate::experiment::results::Results;
 use crate::experiment::spec::{ExperimentSpec, SketchSpec};
-use crate::grid::Cell;
+use crate::grid::{Cell, Window};
 use crate::metrics::Scores;
 use crate::seed::Seed;
-use crate::viz::Sheet;
+use crate::viz::{Painter, Sheet};
 
 pub(super) struct Exchange;
 
@@ -65,7 +65,7 @@ impl Protocol for Exchange {
         for (area, sketch) in resolved.areas.iter().zip(&gallery.sketches) {
             let Some(&cell) = area.patches.first() else { continue };
             let Ok(patch) = patch_of(&resolved.spec, area, cell, sketch) else { continue };
-            patches.push((area, cell, Painter::of_patch(area, cell)?, patch));
+            patches.push((area, cell, Painter::of(&area.dem.crop(Window::square(cell, PATCH))?), patch));
         }
         let title = format!("Styles on each other's sketches: {highlight}, seed {seed}");
         let subtitle = "Columns: the first test patch of each area, in its own colours. Rows: truth, its lines, then the style \
@@ -90,7 +90,7 @@ impl Protocol for Exchange {
             let dem = &style.source.dem;
             let range = Normalization::of(dem);
             let is_whole = dem.shape() == (PATCH, PATCH);
-            let exemplar = Painter::new(dem, range).draw(&range.normalize(dem), dem.valid())?;
+            let exemplar = Painter::of(dem).draw(&range.normalize(dem), dem.valid())?;
             sheet = sheet.panel(if is_whole { exemplar } else { blank() }, "");
             for (_, cell, painter, patch) in &patches {
                 let made = match systems.called(highlight) {

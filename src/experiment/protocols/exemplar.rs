@@ -2,9 +2,11 @@
 
 use crate::dem::Normalization;
 use crate::error::Result;
+use crate::experiment::areas::Area;
 use crate::experiment::protocol::{Finding, Finished, Plot, Protocol};
 use crate::experiment::record::Record;
 use crate::experiment::results::{Results, Stat, difference};
+use crate::experiment::spec::AreaSpec;
 use crate::extract;
 use crate::metrics::{mean_square_slope, spearman};
 use crate::viz::plot::Scatter;
@@ -63,7 +65,7 @@ struct Rule {
 impl Protocol for Exemplar {
     fn after_scoring(&self, finished: &Finished<'_>) -> Result<()> {
         let resolved = finished.resolved;
-        let row = |(area, entry): (&crate::experiment::areas::Area, &crate::experiment::spec::AreaSpec)| {
+        let row = |(area, entry): (&Area, &AreaSpec)| {
             let dem = &area.source.dem;
             let range = Normalization::of(dem);
             let unit = range.normalize(dem);
@@ -87,30 +89,23 @@ impl Protocol for Exemplar {
 
     fn findings(&self, results: &Results<'_>, record: &Record) -> Result<Vec<Finding>> {
         let scores = scores(results);
-        let heads =
-            ["terrain", "exemplars", "worst", "median", "best", "standard deviation", "best exemplar"];
+        let heads = ["terrain", "exemplars", "best exemplar"].map(Column::text);
+        let numbers = ["worst", "median", "best", "standard deviation"].map(|name| Column::number(name, 2));
         let caption = format!(
             "`{}`: {}, dB, mean over all other patches and {}, with every patch as the exemplar in turn:",
             results.highlight,
             what(results),
             results.seeds()
         );
-        let mut table = Table::new(heads.map(Column::text)).caption(caption);
+        let mut table = Table::new(heads.into_iter().chain(numbers)).caption(caption);
         for terrain in terrains(&scores) {
             let mut of: Vec<_> = scores.iter().filter(|s| s.terrain == terrain).collect();
             of.sort_by(|a, b| a.score.total_cmp(&b.score));
             let Some(stat) = Stat::of(of.iter().map(|s| s.score)) else { continue };
             let (worst, median, best) = (of[0], of[of.len() / 2], of[of.len() - 1]);
-            let number = |value: f64| format!("{value:.2}");
-            table = table.row([
-                terrain.to_owned(),
-                of.len().to_string(),
-                number(worst.score),
-                number(median.score),
-                number(best.score),
-                number(stat.sd),
-                best.area.clone(),
-            ]);
+            let numbers = [worst.score, median.score, best.score, stat.sd].map(Entry::from);
+            let words = [terrain.to_owned(), of.len().to_string(), best.area.clone()].map(Entry::from);
+            table = table.row(words.into_iter().chain(numbers));
         }
         let rules = rules(&scores, &record.table(TABLE)?);
         let caption = "What tells a good exemplar before any training (rank correlation with the score, mean over terrains; \
@@ -159,7 +154,7 @@ fn what(results: &Results<'_>) -> &'static str {
 /// Every exemplar with its score, in the order of the file.
 fn scores(results: &Results<'_>) -> Vec<ExemplarScore> {
     let sketch = &results.sketches[0];
-    let one = |area: &crate::experiment::spec::AreaSpec| {
+    let one = |area: &AreaSpec| {
         let own = results.cells(&results.highlight, &area.name, sketch, "psnr");
         let best = results.best_of_each(&area.name, sketch, "psnr");
         let cells = if best.is_empty() { own } else { difference(&own, &best) };

@@ -6,18 +6,18 @@
 use super::general;
 use crate::control::Stop;
 use crate::error::{Error, Result};
-use crate::evaluate::patch_seed;
+use crate::evaluate::{PATCH, patch_seed};
 use crate::experiment::measure::{Measured, Systems, Task, patch_of, without_truth};
-use crate::experiment::pictures::{Gallery, Painter, paper, plain};
+use crate::experiment::pictures::{Gallery, paper, plain};
 use crate::experiment::protocol::{Finding, Protocol, SketchSource};
 use crate::experiment::record::Record;
 use crate::experiment::results::Results;
 use crate::experiment::spec::SketchSpec;
-use crate::grid::{Cell, Grid};
+use crate::grid::{Cell, Grid, Window};
 use crate::seed::Seed;
 use crate::sketch::{LineMap, Motion, split_parts};
 use crate::style::Named;
-use crate::viz::Sheet;
+use crate::viz::{Painter, Sheet};
 
 /// Unit heights: the terrain of the moved lines, moved back, against that of the lines.
 const COLUMNS: [&str; 2] = ["max_difference", "rms_difference"];
@@ -56,7 +56,7 @@ impl Protocol for Invariance {
                 continue;
             };
             let Ok(patch) = patch_of(spec, area, cell, &sketches[0]) else { continue };
-            let painter = Painter::of_patch(area, cell)?;
+            let painter = Painter::of(&area.dem.crop(Window::square(cell, PATCH))?);
             let (Cell { row, col }, seed) = (cell, gallery.seed);
             let title = format!("Moved lines: {highlight}, {} {row},{col}, seed {seed}", area.name);
             let mut made = Vec::new();

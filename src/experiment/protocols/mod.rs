@@ -12,6 +12,7 @@ mod invariance;
 mod losses;
 mod neighbours;
 mod sparse;
+mod strokes;
 
 use super::protocol::Protocol;
 use super::spec::{ExperimentSpec, Kind, SketchSpec, StyleSpec};
@@ -30,6 +31,7 @@ pub(super) fn of(kind: Kind) -> &'static dyn Protocol {
         Kind::Invariance => &invariance::Invariance,
         Kind::Disentanglement => &disentanglement::Disentanglement,
         Kind::Cost => &cost::Cost,
+        Kind::Strokes => &strokes::Strokes,
     }
 }
 

@@ -3,19 +3,20 @@
 use super::{losses, neighbours};
 use crate::control::Stop;
 use crate::error::Result;
-use crate::evaluate::patch_seed;
+use crate::evaluate::{PATCH, patch_seed};
 use crate::experiment::measure::patch_of;
-use crate::experiment::pictures::{Gallery, Painter, blank, paper, patch_sheets, plain};
+use crate::experiment::pictures::{Gallery, blank, paper, patch_sheets, plain};
 use crate::experiment::protocol::check;
 use crate::experiment::protocol::{Finding, Plot, Protocol};
 use crate::experiment::record::Record;
 use crate::experiment::results::{Results, Stat};
-use crate::experiment::scores::title;
 use crate::experiment::spec::ExperimentSpec;
+use crate::grid::Window;
+use crate::metrics::title;
 use crate::seed::Seed;
 use crate::style::Named;
-use crate::viz::Sheet;
 use crate::viz::plot::{Curves, Panel};
+use crate::viz::{Painter, Sheet};
 
 /// Metrics that are plotted over the share of lines.
 const PLOTTED: usize = 2;
@@ -44,18 +45,16 @@ impl Protocol for Sparse {
             Stat::of(rows.map(|r| 100.0 * r.line_share)).map(|s| s.mean)
         };
         for metric in results.spec.metrics.iter().take(PLOTTED) {
-            let mut panel = Panel::new(title(metric));
-            let mut any = false;
-            for system in &results.systems {
+            let curve = |system: &'_ String| {
                 let point = |s: &String| Some((share(s)?, results.stat(system, None, s, metric)?.mean));
                 let mut points: Vec<(f64, f64)> = results.sketches.iter().filter_map(point).collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
-                if !points.is_empty() {
-                    any = true;
-                    panel = panel.curve(system, points);
-                }
-            }
-            if any {
+                (!points.is_empty()).then(|| (system.clone(), points))
+            };
+            let mut curves = results.systems.iter().filter_map(curve).peekable();
+            if curves.peek().is_some() {
+                let panel =
+                    curves.fold(Panel::new(title(metric)), |panel, (name, points)| panel.curve(name, points));
                 let words = format!("{}: {}", results.spec.title, results.sketches.join(", "));
                 let plot = Curves::new(words, "line cells of a patch, %").panel(panel).draw()?;
                 let caption =
@@ -76,7 +75,7 @@ fn thinning(gallery: &Gallery<'_>) -> Result<()> {
         let is_compared =
             |name: &String| *name == gallery.highlight || spec.interpolators.first() == Some(name);
         let compared: Vec<&Named> = systems.named.iter().filter(|(name, _)| is_compared(name)).collect();
-        let painter = Painter::of_patch(area, cell)?;
+        let painter = Painter::of(&area.dem.crop(Window::square(cell, PATCH))?);
         let title = format!("From few to many lines: {} {},{}, seed {seed}", area.name, cell.row, cell.col);
         let rows = std::iter::once("lines").chain(compared.iter().map(|(name, _)| name.as_str()));
         let mut sheet = Sheet::new(gallery.sketches.len()).title(title).row_heads(rows);

@@ -5,7 +5,7 @@
 
 use super::exemplar::{Drawn, Level, Synthesis, membranes};
 use super::patch::{Asked, Given, Set, Weights};
-use super::provenance::Provenance;
+use super::provenance::provenance;
 use super::quilting::{Ground, Wanted, quilt};
 use super::search::{Field, Search};
 use super::source::{Source, usage};
@@ -17,6 +17,7 @@ use crate::grid::pyramid::doubled;
 use crate::grid::{Cell, Grid, Window, gaussian};
 use crate::interpolation::{Gradients, ScreenedPoisson};
 use crate::landscape::{self, BreachConfig, LandscapeConfig};
+use crate::metrics::Provenance;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use std::f64::consts::TAU;
@@ -71,7 +72,7 @@ impl Synthesis {
             landscape::breach(&pinned, lines, &BreachConfig { pit_share, ..Default::default() }, stop)?;
         Ok(Synthesized {
             heights: drained.heights,
-            provenance: Provenance::new(
+            provenance: provenance(
                 &made.field.sources.crop(Window::new(Cell::new(0, 0), rows, cols))?,
                 lines,
                 |cell| self.own_cell(cell),

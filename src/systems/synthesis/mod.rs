@@ -25,7 +25,6 @@ mod tests;
 pub use config::{GuideConfig, LevelConfig, QuiltingConfig, SynthesisConfig};
 pub use exemplar::Synthesis;
 pub use generate::Synthesized;
-pub use provenance::{Origin, Provenance};
 pub use symmetry::Symmetries;
 pub use system::{SynthesisInfo, SynthesisSystem};
 

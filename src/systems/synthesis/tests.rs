@@ -4,6 +4,7 @@ use super::*;
 use crate::dem::{CellSize, Dem};
 use crate::grid::{Cell, distance};
 use crate::interpolation::Gradients;
+use crate::metrics::{Origin, Provenance};
 use crate::sketch::StrokeKind;
 
 /// Hills of several sizes cut by valleys that fall to the south.

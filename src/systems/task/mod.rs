@@ -17,6 +17,7 @@ pub use sampling::SampleUse;
 use crate::control::Stop;
 use crate::error::Result;
 use crate::grid::Grid;
+use crate::metrics::Provenance;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
 use std::sync::Arc;
@@ -47,6 +48,12 @@ pub trait SketchToTerrain: Send + Sync {
     /// As there.
     fn draw(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         self.generate(lines, seed, stop)
+    }
+
+    /// The same terrain with where every cell comes from, of systems that lay it from places of an exemplar and for which
+    /// [`generate`](Self::generate) and [`draw`](Self::draw) are one. None, before any work, of all others.
+    fn traced(&self, _lines: &LineMap, _seed: Seed, _stop: &Stop) -> Option<Result<(Grid<f32>, Provenance)>> {
+        None
     }
 
     /// As [`generate`](Self::generate), for the exemplar's own lines: how well a system fits what it has learned.
@@ -83,6 +90,10 @@ pub type FinishFn = dyn Fn(&Grid<f32>, &LineMap, Seed, &Stop) -> Result<Grid<f32
 impl SketchToTerrain for Finishing {
     fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
         (self.finish)(&self.start.generate(lines, seed, stop)?, lines, seed, stop)
+    }
+
+    fn draw(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {
+        (self.finish)(&self.start.draw(lines, seed, stop)?, lines, seed, stop)
     }
 
     fn finishing(&self) -> Option<&Finishing> {

@@ -2,8 +2,10 @@
 
 mod builder;
 mod figure;
+mod markers;
 mod table;
 
 pub use builder::Report;
 pub use figure::{Drawing, Figure};
+pub(crate) use markers::{marked, spliced};
 pub use table::{Best, Column, Entry, Table, Text};

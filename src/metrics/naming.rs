@@ -2,14 +2,14 @@
 
 /// Whether less of a score is better, which its name tells: an error, a loss, a distance, a difference, a share of faults.
 #[must_use]
-pub(super) fn lower_is_better(metric: &str) -> bool {
+pub(crate) fn lower_is_better(metric: &str) -> bool {
     let name = metric.strip_prefix("train_").unwrap_or(metric);
     let faults = ["_distance", "_difference", "_error", "_share"];
     name == "rmse" || name.starts_with("l_") || faults.iter().any(|end| name.ends_with(end))
 }
 
 /// The name of a score with its unit and how it is to be read.
-pub(super) fn title(metric: &str) -> String {
+pub(crate) fn title(metric: &str) -> String {
     let words = match metric {
         "ssim" => "SSIM",
         "psnr" => "PSNR, dB",
@@ -25,7 +25,7 @@ pub(super) fn title(metric: &str) -> String {
 }
 
 /// Digits behind the point.
-pub(super) fn decimals(metric: &str) -> usize {
+pub(crate) fn decimals(metric: &str) -> usize {
     match metric {
         m if m.ends_with("psnr") || m == "spectrum_distance" => 2,
         m if m.contains("l_g") || m.ends_with("_difference") => 6,
