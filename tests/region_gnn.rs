@@ -101,12 +101,12 @@ fn what_was_learned_on_one_patch_helps_on_others() {
     let protocol = EvaluationConfig {
         extraction: config.extraction.clone(),
         sketch_order: Some(3),
-        sketch_accumulation: None,
+        ..EvaluationConfig::default()
     };
     let mut others: Vec<Cell> = patch_cells(&dem).into_iter().filter(|c| *c != exemplar).collect();
     others.truncate(4);
     let systems = Registry::default().select(&style, "gnn,laplace,natural-neighbour").unwrap();
-    let evaluation = evaluate(&dem, &others, &systems, &protocol, Seed(1), false, || ()).unwrap();
+    let evaluation = evaluate(&dem, &others, &systems, &protocol, Seed(1), &Stop::new(), || ()).unwrap();
     let lines = aggregate(&evaluation.rows);
     let mean = |i: usize| lines[i].summary.get("psnr").unwrap().mean;
     assert!(mean(0) > mean(1) && mean(0) > mean(2), "{} against {} and {}", mean(0), mean(1), mean(2));

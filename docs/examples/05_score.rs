@@ -5,7 +5,7 @@
 use monadnock::dem::bundled;
 use monadnock::evaluate::{EvaluationConfig, aggregate, evaluate};
 use monadnock::style::StyleConfig;
-use monadnock::{Cell, Control, Recipe, Registry, Result, Seed, Source, Window, learn};
+use monadnock::{Cell, Control, Recipe, Registry, Result, Seed, Source, Stop, Window, learn};
 
 fn main() -> Result<()> {
     let dem = bundled::load("sierra")?;
@@ -16,7 +16,8 @@ fn main() -> Result<()> {
     // Each patch's own ridges and valleys are given; how near does each system come to the patch?
     let systems = Registry::default().select(&style, "all")?;
     let unseen = [Cell::new(256, 0), Cell::new(256, 192)];
-    let result = evaluate(&dem, &unseen, &systems, &EvaluationConfig::default(), Seed(1), false, || ())?;
+    let result =
+        evaluate(&dem, &unseen, &systems, &EvaluationConfig::default(), Seed(1), &Stop::new(), || ())?;
     println!("{:24} {:>6} {:>8}", "system", "SSIM", "PSNR, dB");
     for system in aggregate(&result.rows) {
         let of = |name| system.summary.get(name).map_or(f64::NAN, |spread| spread.mean);

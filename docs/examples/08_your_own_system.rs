@@ -19,7 +19,7 @@ fn main() -> ExitCode {
     for line in [
         "own train sierra --crop 0,0,96 --systems plateau --no-detail -o own.safetensors",
         "own generate own.safetensors --sketch lambda-ring --size 96x96 -o own.tif",
-        "own eval own.safetensors sierra --systems plateau --patches 2",
+        "own eval own.safetensors sierra --systems plateau --patches 256,128",
     ] {
         println!("$ {line}");
         let ended = run(line);

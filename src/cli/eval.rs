@@ -101,9 +101,12 @@ pub(super) fn run(args: &EvalArgs, context: &Context) -> Result<()> {
         extraction: style.origin.extraction.clone(),
         sketch_order: args.sketch_order,
         sketch_accumulation: args.sketch_accumulation,
+        keep: true,
     };
     let progress = context.console.progress(origins.len() as u64, "patches");
-    let evaluation = evaluate(&dem, &origins, &systems, &config, context.seed, true, || progress.advance(1))?;
+    let stop = context.stop();
+    let evaluation =
+        evaluate(&dem, &origins, &systems, &config, context.seed, &stop, || progress.advance(1))?;
     drop(progress);
     let likenesses = likenesses(&evaluation, &style, &context.registry, &dem)?;
     if let Some(path) = &args.csv {

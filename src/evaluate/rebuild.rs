@@ -28,6 +28,8 @@ pub struct EvaluationConfig {
     pub sketch_order: Option<u8>,
     /// Fewest cells that a line given to the systems drains; the extraction's own when absent.
     pub sketch_accumulation: Option<u32>,
+    /// Whether patches are kept with all that was made of them.
+    pub keep: bool,
 }
 
 impl EvaluationConfig {
@@ -148,11 +150,11 @@ impl Patch {
 /// ```
 /// # fn main() -> monadnock::Result<()> {
 /// use monadnock::evaluate::{EvaluationConfig, aggregate, evaluate};
-/// use monadnock::{Cell, Registry, Seed, dem::bundled};
+/// use monadnock::{Cell, Registry, Seed, Stop, dem::bundled};
 ///
 /// let dem = bundled::load("sierra")?;
 /// let (registry, config) = (Registry::default(), EvaluationConfig::default());
-/// let result = evaluate(&dem, &[Cell::new(0, 0)], registry.interpolators(), &config, Seed(1), false, || ())?;
+/// let result = evaluate(&dem, &[Cell::new(0, 0)], registry.interpolators(), &config, Seed(1), &Stop::new(), || ())?;
 /// let nearest = aggregate(&result.rows).into_iter().find(|row| row.system == "nearest");
 /// let psnr = nearest.and_then(|row| row.summary.get("psnr").map(|spread| spread.mean));
 /// assert!(psnr.is_some_and(|psnr| psnr > 20.0 && psnr < 40.0));
@@ -161,17 +163,17 @@ impl Patch {
 /// ```
 ///
 /// # Errors
-/// When a patch reaches past the frame or the extraction's settings are out of range.
+/// When a patch reaches past the frame, the extraction's settings are out of range, or the work is stopped.
 pub fn evaluate(
     dem: &Dem,
     origins: &[Cell],
     systems: &[Named],
     config: &EvaluationConfig,
     seed: Seed,
-    keep: bool,
+    stop: &Stop,
     done: impl Fn() + Sync,
 ) -> Result<Evaluation> {
-    evaluate_reduced(dem, origins, systems, config, &|lines, _| lines, seed, keep, done)
+    evaluate_reduced(dem, origins, systems, config, &|lines, _| lines, seed, stop, done)
 }
 
 /// As [`evaluate`], from fewer lines: `reduce` takes some of the patch's.
@@ -186,7 +188,7 @@ pub fn evaluate_reduced(
     config: &EvaluationConfig,
     reduce: Reduction<'_>,
     seed: Seed,
-    keep: bool,
+    stop: &Stop,
     done: impl Fn() + Sync,
 ) -> Result<Evaluation> {
     config.extraction.validate()?;
@@ -194,11 +196,12 @@ pub fn evaluate_reduced(
     let results: Vec<(Vec<PatchScore>, Option<Rebuilt>)> = origins
         .par_iter()
         .map(|&origin| {
+            stop.check()?;
             let seed = patch_seed(seed, origin);
-            let result = rebuild(dem, origin, systems, config, reduce, seed);
+            let result = rebuild(dem, origin, systems, config, reduce, seed, stop);
             done();
             let (rows, patch) = result?;
-            Ok((rows, patch.filter(|_| keep)))
+            Ok((rows, patch.filter(|_| config.keep)))
         })
         .collect::<Result<_>>()?;
     let (rows, patches): (Vec<_>, Vec<_>) = results.into_iter().unzip();
@@ -218,6 +221,7 @@ fn rebuild(
     config: &EvaluationConfig,
     reduce: Reduction<'_>,
     seed: Seed,
+    stop: &Stop,
 ) -> Result<(Vec<PatchScore>, Option<Rebuilt>)> {
     let blank = |system: &str, error: String| PatchScore {
         row: origin.row,
@@ -242,7 +246,7 @@ fn rebuild(
     let mut rows = Vec::new();
     let mut outputs: Vec<(String, Option<Grid<f32>>)> = Vec::new();
     for (name, system) in systems {
-        let (output, seconds) = generated(system.as_ref(), systems, &rows, &outputs, &lines, seed);
+        let (output, seconds) = generated(system.as_ref(), systems, &rows, &outputs, &lines, seed, stop);
         let scored = output.and_then(|(output, sources)| {
             let scores = Scores::of(&output, &truth, &valid, &lines)?;
             let found = extract::ridges_and_valleys(&output, &valid, &config.sketch_extraction())?;
@@ -254,6 +258,7 @@ fn rebuild(
                 rows.push(PatchScore { scores: Some(scores), sources, error: None, ..row });
                 outputs.push((name.clone(), Some(output)));
             }
+            Err(Error::Stopped) => return Err(Error::Stopped),
             Err(error) => {
                 rows.push(PatchScore { error: Some(error.to_string()), ..row });
                 outputs.push((name.clone(), None));
@@ -274,6 +279,7 @@ fn generated(
     outputs: &[(String, Option<Grid<f32>>)],
     lines: &LineMap,
     seed: Seed,
+    stop: &Stop,
 ) -> (Result<Made>, f64) {
     let started = Instant::now();
     let half_done = system.finishing().and_then(|finishing| {
@@ -283,12 +289,12 @@ fn generated(
     });
     let (output, before) = match half_done {
         Some((finishing, coarse, seconds)) => {
-            let finished = (finishing.finish)(coarse, lines, seed, &Stop::new());
+            let finished = (finishing.finish)(coarse, lines, seed, stop);
             (finished.map(|terrain| (terrain, None)), seconds)
         }
-        None => match system.traced(lines, seed, &Stop::new()) {
+        None => match system.traced(lines, seed, stop) {
             Some(made) => (made.map(|(terrain, sources)| (terrain, Some(sources.audit()))), 0.0),
-            None => (system.generate(lines, seed, &Stop::new()).map(|terrain| (terrain, None)), 0.0),
+            None => (system.generate(lines, seed, stop).map(|terrain| (terrain, None)), 0.0),
         },
     };
     (output, before + started.elapsed().as_secs_f64())
@@ -328,13 +334,10 @@ mod tests {
         let start: Arc<dyn SketchToTerrain> = counted.clone();
         let systems =
             vec![("start".to_owned(), start.clone()), ("finished".to_owned(), doubled(start.clone()))];
-        let config = EvaluationConfig {
-            extraction: ExtractionConfig::default(),
-            sketch_order: None,
-            sketch_accumulation: None,
-        };
+        let config = EvaluationConfig { keep: true, ..EvaluationConfig::default() };
+        let stop = Stop::new();
         let run =
-            |systems: &[Named]| evaluate(&dem, &origins, systems, &config, Seed(5), true, || {}).unwrap();
+            |systems: &[Named]| evaluate(&dem, &origins, systems, &config, Seed(5), &stop, || {}).unwrap();
         let both = run(&systems);
         assert_eq!(counted.0.load(Ordering::Relaxed), origins.len());
         for rows in both.rows.chunks(2) {

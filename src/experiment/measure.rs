@@ -5,6 +5,7 @@
 use super::areas::{Area, Resolved};
 use super::record::Record;
 use super::spec::{Choice, ExperimentSpec, SketchSpec};
+use crate::control::Stop;
 use crate::dem::{Dem, Normalization};
 use crate::error::{Error, Result};
 use crate::evaluate::{EvaluationConfig, Patch, Rebuilt, evaluate_reduced, patch_seed};
@@ -93,21 +94,22 @@ impl<'a> Systems<'a> {
 }
 
 /// How patches become the sketch.
-fn evaluation_config(spec: &ExperimentSpec, sketch: &SketchSpec) -> EvaluationConfig {
+fn evaluation_config(spec: &ExperimentSpec, sketch: &SketchSpec, keep: bool) -> EvaluationConfig {
     EvaluationConfig {
         extraction: spec.extraction.clone(),
         sketch_order: sketch.order,
         sketch_accumulation: sketch.accumulation,
+        keep,
     }
 }
 
 /// The patch rebuilt by every system and scored against its truth; the terrains too when they are to be kept.
 pub(super) fn rebuild(task: &Task<'_>, dem: &Dem, keep: bool) -> Result<(Vec<Measured>, Vec<Rebuilt>)> {
     let (spec, sketch) = (&task.resolved.spec, task.sketch);
-    let config = evaluation_config(spec, sketch);
+    let config = evaluation_config(spec, sketch, keep);
     let reduce = |lines: LineMap, cell: Cell| reduced(spec, sketch, lines, cell);
     let (systems, seed) = (&task.systems.named, Seed(task.seed));
-    let found = evaluate_reduced(dem, &[task.cell], systems, &config, &reduce, seed, keep, || {})?;
+    let found = evaluate_reduced(dem, &[task.cell], systems, &config, &reduce, seed, &Stop::new(), || {})?;
     let rows = found.rows.into_iter().map(|row| Measured {
         system: row.system,
         relief: row.relief,
@@ -133,7 +135,7 @@ fn reduced(spec: &ExperimentSpec, sketch: &SketchSpec, lines: LineMap, cell: Cel
 /// As [`Patch::new`].
 pub(super) fn patch_of(spec: &ExperimentSpec, area: &Area, cell: Cell, sketch: &SketchSpec) -> Result<Patch> {
     let reduce = |lines: LineMap, cell: Cell| reduced(spec, sketch, lines, cell);
-    Patch::new(&area.dem, cell, &evaluation_config(spec, sketch), &reduce)
+    Patch::new(&area.dem, cell, &evaluation_config(spec, sketch, false), &reduce)
 }
 
 /// Scores of every system that need no truth, by `score`.

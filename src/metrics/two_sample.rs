@@ -154,8 +154,8 @@ pub fn told_share(cases: &[(Vec<WindowFeatures>, Vec<WindowFeatures>)], seed: Se
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Window;
     use crate::dem::CellSize;
+    use crate::grid::Window;
     use rand::RngExt;
 
     /// Hills of random places; `grain` metres of noise over them.

@@ -92,14 +92,13 @@ pub(in crate::cli) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
         origins.truncate(3);
     }
     let systems = context.registry.all(&first.style);
-    let protocol = EvaluationConfig {
-        extraction: config.extraction.clone(),
-        sketch_order: None,
-        sketch_accumulation: None,
-    };
+    let protocol =
+        EvaluationConfig { extraction: config.extraction.clone(), keep: true, ..EvaluationConfig::default() };
     let progress = context.console.progress(origins.len() as u64, "comparing systems");
     let evaluation =
-        evaluate(&compared, &origins, &systems, &protocol, context.seed, true, || progress.advance(1))?;
+        evaluate(&compared, &origins, &systems, &protocol, context.seed, &context.stop(), || {
+            progress.advance(1)
+        })?;
     drop(progress);
     timed(format!("rebuilding {} patches with {} systems", origins.len(), systems.len()), started);
 

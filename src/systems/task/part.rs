@@ -37,7 +37,7 @@ pub trait Part: Debug + Sized + Send + Sync + 'static {
 
     /// What learning took and gave, for reports.
     fn account(&self) -> Account {
-        Account::default()
+        Account { text: format!("{} learned", Self::NAME), ..Account::default() }
     }
 
     /// The description and the arrays.
