@@ -1,6 +1,7 @@
 //! Voids never break anything: random ones, from a single cell to half of the raster, through every command that reads terrain.
 //!
-//! `MONADNOCK_VOID_CASES=1000 cargo test --release --test voids` runs more of them than the few that every test run has.
+//! `MONADNOCK_VOID_CASES=1000 cargo test --release --test voids` runs more of them than the few that every test run has;
+//! `MONADNOCK_VOID_CASES=500..600` those.
 
 #![allow(
     clippy::unwrap_used,
@@ -104,7 +105,7 @@ fn away(valid: &Mask, cell: Cell, most: usize) -> usize {
 const NEARBY: usize = 12;
 
 /// Root mean square of what voids change beyond [`NEARBY`] in amplified terrain, as a share of the range of heights.
-const FAR_CHANGE: f64 = 0.01;
+const FAR_CHANGE: f64 = 0.03;
 
 /// How far a shaded picture may feel a void: its finest slopes are taken over the neighbours of a cell.
 const NEARBY_SHADE: usize = 2;
@@ -378,9 +379,18 @@ fn pixels(path: &Path) -> Vec<u8> {
     pixels
 }
 
+/// How many cases from the first on, or which, as `500..600`.
+fn cases(text: &str) -> std::ops::Range<u64> {
+    let number = |text: &str| text.parse().expect("a number of cases, or from..to");
+    match text.split_once("..") {
+        Some((from, to)) => number(from)..number(to),
+        None => 0..number(text),
+    }
+}
+
 #[test]
 fn random_voids_pass_every_command() {
-    let cases = std::env::var("MONADNOCK_VOID_CASES").map_or(8, |n| n.parse().expect("a number of cases"));
+    let cases = cases(&std::env::var("MONADNOCK_VOID_CASES").unwrap_or_else(|_| "8".to_owned()));
     let folder = tempfile::tempdir().unwrap();
     let style = folder.path().join("sierra.safetensors");
     let settings = ["--epochs", "20", "--crop", "128,128,96"];
@@ -389,8 +399,8 @@ fn random_voids_pass_every_command() {
         let failed = Case::new(number, &style).and_then(|case| case.check(number)).err();
         failed.inspect(|what| eprintln!("{what}"))
     };
-    let failed: Vec<String> = (0..cases).into_par_iter().filter_map(case).collect();
-    assert!(failed.is_empty(), "{} of {cases}:\n{}", failed.len(), failed.join("\n"));
+    let failed: Vec<String> = cases.clone().into_par_iter().filter_map(case).collect();
+    assert!(failed.is_empty(), "{} of {cases:?}:\n{}", failed.len(), failed.join("\n"));
 }
 
 #[test]

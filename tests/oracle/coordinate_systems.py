@@ -73,7 +73,7 @@ def compare(program, folder, form, info):
         return method, info.code, "said: " + said[-90:], False
     if max(abs(a / b - 1) for a, b in zip(found, wanted)) > TOLERANCE:
         return method, info.code, f"cells of {found} m, PROJ {wanted}", True
-    definition = ours["georeference"]["definition"]
+    definition = ours["georeference"].get("definition")
     if definition and form != "code":
         again = pyproj.CRS.from_user_input(definition)
         place = pyproj.Transformer.from_crs(again.geodetic_crs, again, always_xy=True).transform(*middle(crs, info.area_of_use))

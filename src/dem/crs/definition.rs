@@ -313,6 +313,11 @@ impl Crs {
         self.text
     }
 
+    /// The words in which it was given, where they are kept.
+    pub(in crate::dem) fn own_words(&self) -> Option<&'static str> {
+        self.text.map(|text| text.given)
+    }
+
     /// Whether the projection can be undone.
     pub(super) fn can_be_undone(&self) -> bool {
         self.text.is_some() || self.method().is_some()

@@ -161,7 +161,8 @@ impl Synthesis {
         if low >= high {
             return Err(Error::value("relief of the exemplar", 0, "level ground has no forms"));
         }
-        Ok(())
+        let finest = config.levels.first().map_or(0, |level| level.radius).max(config.quilting.radius);
+        Centres::new(dem.valid(), finest).map(|_| ()).ok_or_else(no_patch)
     }
 
     /// Prepares a DEM for maps whose cells have another size, metres: it is resampled first, and what a finer map shows
@@ -438,12 +439,18 @@ fn levels(heights: &Grid<f32>, valid: &Mask, config: &SynthesisConfig) -> Result
         maps.push((halved(z), halved_mask(ok)));
     }
     let last = maps.len() - 1;
+    // Any size may be the coarsest of a map, on which patches are quilted.
+    let quilted = config.quilting.radius;
     let all: Vec<Option<Level>> = maps
         .into_par_iter()
         .zip(&config.levels)
         .enumerate()
         .map(|(l, ((heights, valid), config))| {
-            let Some(centres) = Centres::new(&valid, config.radius) else { return Ok(None) };
+            let (Some(centres), Some(_)) =
+                (Centres::new(&valid, config.radius), Centres::new(&valid, quilted))
+            else {
+                return Ok(None);
+            };
             let everywhere = valid.map(|_| true);
             let blurred = (l < last).then(|| {
                 let back = doubled(&halved(&heights));

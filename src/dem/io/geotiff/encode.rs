@@ -263,11 +263,14 @@ impl Keys {
                     // No keys say what it is: its lengths are kept, and its words.
                     (None, None) => {
                         self.short(key::MODEL_TYPE, key::USER_DEFINED);
-                        if let Ok(words) = crs.wkt().map(|words| words.replace('|', " ")) {
-                            match words.starts_with("PROJCS[") {
-                                true => self.text(key::PROJECTED_CITATION, &format!("{WORDS}{words}")),
-                                false => self.text(key::CITATION, &words),
+                        let words = crs.wkt().map(|words| words.replace('|', " "));
+                        match (crs.own_words(), words) {
+                            // As it was given: the library's words are not those of GDAL for all of its projections.
+                            (Some(own), Ok(words)) if own.starts_with("PROJCS[") => {
+                                self.text(key::PROJECTED_CITATION, &format!("{WORDS}{words}"));
                             }
+                            (_, Ok(words)) => self.text(key::CITATION, &words),
+                            (_, Err(_)) => {}
                         }
                     }
                 }
