@@ -20,7 +20,7 @@ pub mod matching;
 pub mod interpolation;
 pub mod landscape;
 pub mod metrics;
-pub mod sparse;
+pub(crate) mod sparse;
 pub mod viz;
 pub mod learn;
 pub mod systems;
