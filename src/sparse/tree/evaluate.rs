@@ -68,7 +68,7 @@ impl<'a> Ready<'a> {
                 seed: *seed,
                 wavelength: *wavelength,
                 octaves: *octaves,
-                finest: cell / wavelength,
+                finest: 0.5 * cell / wavelength,
                 amplitude: *amplitude,
                 height: *height,
             },

@@ -67,7 +67,7 @@ pub(super) struct FieldLevel<'a> {
     field: &'a Field,
     /// Data atoms at a cell size that the level can show; none when discs are smaller than its cells.
     grids: Option<Vec<Grid<f32>>>,
-    /// Shortest wavelength of functions, cells of the field.
+    /// Wavelength of functions, cells of the field, at which they have faded: half a cell of the raster.
     finest: f64,
 }
 
@@ -97,7 +97,7 @@ impl Field {
                 .map(|g| if left < side { resample(g, left.max(1), left.max(1)) } else { g.clone() })
                 .collect()
         });
-        FieldLevel { field: self, grids, finest: cell / self.cell }
+        FieldLevel { field: self, grids, finest: 0.5 * cell / self.cell }
     }
 }
 

@@ -168,7 +168,7 @@ fn functions_of(kind: NoiseKind, disc: Disc, seed: Seed) -> Result<(Vec<Function
             mean: 0.0,
             length: 1.0,
         };
-        let seen: Vec<f64> = inside.iter().map(|i| function.raw(place(i), 1.0)).collect();
+        let seen: Vec<f64> = inside.iter().map(|i| function.raw(place(i), 0.5)).collect();
         function.mean = f64::from((seen.iter().sum::<f64>() / seen.len() as f64) as f32);
         function.length =
             f64::from(seen.iter().map(|v| (v - function.mean).powi(2)).sum::<f64>().sqrt() as f32);

@@ -161,12 +161,12 @@ fn the_hierarchy_finds_what_all_boxes_have() {
 /// Coarse rasters have no forms below their cells, and the means of fine ones.
 #[test]
 fn detail_follows_the_cells() {
-    let noise = tree("[root]\nkind = \"noise\"\nnoise = \"perlin\"\nwavelength = 200.0\namplitude = 10.0\noctaves = 8\nseed = 4").unwrap();
+    let noise = tree("[root]\nkind = \"noise\"\nnoise = \"ridged\"\nwavelength = 200.0\namplitude = 10.0\noctaves = 8\nseed = 4").unwrap();
     let draw = |cell: f64| noise.render(cell, None, &Stop::new()).unwrap();
-    let (fine, coarse) = (draw(2.0), draw(50.0));
-    let means = crate::grid::pyramid::shrunk(fine.heights(), 25);
-    let point = |c: Cell| [(c.col as f64 + 0.5) * 50.0, (c.row as f64 + 0.5) * 50.0];
-    let points = Grid::from_fn(16, 20, |c| noise.height(point(c), 1e-3).unwrap() as f32);
+    let (fine, coarse) = (draw(2.0), draw(40.0));
+    let means = crate::grid::pyramid::shrunk(fine.heights(), 20);
+    let point = |c: Cell| [(c.col as f64 + 0.5) * 40.0, (c.row as f64 + 0.5) * 40.0];
+    let points = Grid::from_fn(20, 25, |c| noise.height(point(c), 1e-3).unwrap() as f32);
     let off = |map: &Grid<f32>| -> f32 {
         means.as_slice().iter().zip(map.as_slice()).map(|(a, b)| (a - b).powi(2)).sum()
     };

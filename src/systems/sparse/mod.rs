@@ -1,7 +1,7 @@
 //! Detail by sparse sums of the exemplar's own forms: multi-resolution dictionaries.
 //!
 //! Guérin, Digne, Galin, Peytavie: *Sparse representation of terrains for procedural modeling*, Eurographics 2016. The exemplar is shrunk; its coarse
-//! squares are what maps are compared with, and its fine ones what they get ([`amplify`]). Learned atoms are some of its squares
+//! squares are what maps are compared with, and its fine ones what they get (`amplify`). Learned atoms are some of its squares
 //! (Eq. 2), each in the eight symmetries. What departs from the paper: `docs/papers/sparse.md`.
 
 mod amplify;

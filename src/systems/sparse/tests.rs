@@ -108,7 +108,7 @@ fn the_published_form_is_the_blend_of_4_1() {
 }
 
 #[test]
-fn elevation_and_unit_do_not_matter_and_threads_neither() {
+fn elevation_unit_and_threads_do_not_matter() {
     let map = shrunk(&ground(96, 96, 300.0), 4);
     let run = |map: &Grid<f32>, threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -137,7 +137,7 @@ fn the_gain_costs_no_likeness_on_unseen_halves() {
 }
 
 #[test]
-fn detail_is_below_the_size_and_terrain_comes_from_noise() {
+fn detail_has_no_means_and_noise_becomes_terrain() {
     let map = ground(64, 80, 300.0);
     let how = DetailUse::default();
     let found = model().residual(&map, None, 4.0, &how, Seed(1), &Stop::new()).unwrap().unwrap();
