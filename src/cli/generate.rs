@@ -78,6 +78,10 @@ pub(super) struct GenerateArgs {
     /// Metres in one unit of the sketch's heights (0.3048 for feet); overrules the file
     #[arg(long, value_name = "M", value_parser = metres_per_unit, allow_hyphen_values = true)]
     metres_per_unit: Option<f64>,
+    /// Lines wander by so many cells (root mean square), that straight and round ones look drawn by hand; 0 to 16. Terrain, check
+    /// and pictures are those of the lines as they wander
+    #[arg(long, value_name = "CELLS", default_value_t = 0.0)]
+    wander: f64,
     #[command(flatten)]
     map: MapOptions,
     #[command(flatten)]
@@ -248,6 +252,7 @@ pub(super) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
         }
         None => sketch,
     };
+    let sketch = sketch.wandering(args.wander, context.seed.derive("wander"))?;
     let lines = sketch.rasterize();
     let system = style.system_for(&lines, &args.method).map_err(|e| e.in_file(&args.style))?;
     let share = 100.0 * lines.line_count() as f64 / (sketch.rows * sketch.cols) as f64;

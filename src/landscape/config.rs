@@ -40,7 +40,7 @@ impl Default for LandscapeConfig {
             channel_head: 20.0,
             creep: 0.8,
             scatter: 0.5,
-            variety: 0.5,
+            variety: 0.25,
             amplitude: 0.35,
         }
     }

@@ -15,7 +15,7 @@ const ROOM: f64 = 0.6;
 /// Least room, relative to the exemplar's relief.
 const LEAST_ROOM: f64 = 0.1;
 /// Distance to a line, in cells of the map, at which the relief of the first surface is full.
-const TAPER: f64 = 24.0;
+const TAPER: f64 = 192.0;
 /// Exponent of the spectrum of the first surface.
 const EXPONENT: f64 = 2.2;
 /// Longest wavelength of the first surface, cells of the map.

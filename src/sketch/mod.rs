@@ -15,6 +15,7 @@ mod split;
 mod stroke;
 mod thinning;
 mod trace;
+mod wander;
 
 pub use graph::{SketchEdge, SketchGraph, SketchNode};
 pub use line_map::LineMap;
@@ -22,3 +23,4 @@ pub use motion::Motion;
 pub use part::{PartId, SketchPart};
 pub use split::{PartLengths, split_parts};
 pub use stroke::{Sketch, Stroke, StrokeKind, Vertex};
+pub(crate) use wander::Displacement;

@@ -30,7 +30,7 @@ pub struct LevelConfig {
     pub spread: f64,
     /// Weight of a stroke's height beside a squared gradient, above 0 to 1e6.
     pub strokes: f64,
-    /// Whether the surface is pulled towards the landscape model's, where there is one.
+    /// Whether the surface is pulled towards the large forms of its guide.
     pub screened: bool,
 }
 
@@ -99,6 +99,8 @@ pub struct SynthesisConfig {
     pub warp: f64,
     /// Forms larger than this are the landscape model's where the surface is screened, cells.
     pub cut: f64,
+    /// Forms larger than this are the smoothed membrane's where there is no landscape model, cells.
+    pub cut_alone: f64,
     /// Slopes that disagreeing patches lose are given back at most so many times; 1 gives back nothing.
     pub most_gain: f64,
     /// Weight that keeps the surface where it was where nothing else says its height.
@@ -157,6 +159,7 @@ impl Default for SynthesisConfig {
             most_lines: 12,
             warp: 0.7,
             cut: 48.0,
+            cut_alone: 96.0,
             most_gain: 1.3,
             hold: 1e-3,
         }
@@ -219,6 +222,7 @@ impl SynthesisConfig {
         count("most_lines", self.most_lines, 1, 1000)?;
         number("warp", self.warp, 0.0, 10.0)?;
         number("cut", self.cut, 1.0, 1e6)?;
+        number("cut_alone", self.cut_alone, 1.0, 1e6)?;
         number("most_gain", self.most_gain, 1.0, 10.0)?;
         number("hold", self.hold, 1e-6, 1.0)
     }
@@ -231,7 +235,7 @@ mod tests {
     #[test]
     fn every_field_is_checked_and_named() {
         type Spoil = fn(&mut SynthesisConfig);
-        let bad: [(&str, Spoil); 9] = [
+        let bad: [(&str, Spoil); 10] = [
             ("levels is 0", |c| c.levels.clear()),
             ("levels[2].radius", |c| c.levels[2].radius = 4),
             ("levels[0].spread", |c| c.levels[0].spread = f64::NAN),
@@ -241,6 +245,7 @@ mod tests {
             ("floor", |c| c.floor = 0.0),
             ("most_gain", |c| c.most_gain = 0.5),
             ("hold", |c| c.hold = 0.0),
+            ("cut_alone", |c| c.cut_alone = 0.5),
         ];
         for (field, spoil) in bad {
             let mut config = SynthesisConfig::default();

@@ -75,12 +75,16 @@ pub(super) struct Drawn {
     pub(super) sketches: Vec<SelfSketch>,
     /// How much higher the ground is than its ridges and valleys, at each size.
     pub(super) above: Vec<[f32; 2]>,
+    /// How much higher the ground is than the membranes in the mean, in standard deviations of a membrane.
+    pub(super) lift: f64,
 }
 
 /// What a drawing of the exemplar by its own main lines says at each size: the A of the analogy, whose A' is the exemplar.
 pub(super) struct SelfSketch {
     pub(super) levels: Vec<SketchLevel>,
     pub(super) lines: LineMap,
+    /// How much higher the ground is than the membrane in the mean, in the membrane's standard deviations.
+    lift: f64,
 }
 
 /// One size of a self-sketch.
@@ -351,7 +355,8 @@ impl Synthesis {
             sums.map(|(sum, count)| (sum / f64::from(count.max(1))) as f32)
         };
         let above = (0..self.levels.len()).map(above).collect();
-        Ok(Drawn { sketches, above })
+        let lift = sketches.iter().map(|s| s.lift).sum::<f64>() / sketches.len().max(1) as f64;
+        Ok(Drawn { sketches, above, lift })
     }
 
     fn sketch(&self, lines: LineMap, k: usize) -> Result<SelfSketch> {
@@ -364,6 +369,10 @@ impl Synthesis {
             None
         };
         let membranes = membranes(&lines, self.levels.len(), &shape)?;
+        let coarsest = self.levels.len() - 1;
+        let (ground, _) = mean_and_deviation(&self.levels[coarsest].heights);
+        let (mean, deviation) = mean_and_deviation(&membranes[coarsest]);
+        let lift = if deviation > 0.0 { (ground - mean) / deviation } else { 0.0 };
         let levels = (0..self.levels.len()).map(|l| {
             let config = &self.config.levels[l];
             let with = |map: Grid<f32>| {
@@ -388,7 +397,7 @@ impl Synthesis {
                 strokes: Some(strokes.map(with)),
             })
         });
-        Ok(SelfSketch { levels: levels.collect::<Result<_>>()?, lines })
+        Ok(SelfSketch { levels: levels.collect::<Result<_>>()?, lines, lift })
     }
 }
 
@@ -417,6 +426,14 @@ pub(super) fn membranes(
         all.push(coarser);
     }
     Ok(all)
+}
+
+/// Mean and standard deviation of all cells.
+pub(super) fn mean_and_deviation(map: &Grid<f32>) -> (f64, f64) {
+    let n = map.len() as f64;
+    let mean = map.as_slice().iter().map(|z| f64::from(*z)).sum::<f64>() / n;
+    let squares = map.as_slice().iter().map(|z| (f64::from(*z) - mean).powi(2)).sum::<f64>();
+    (mean, (squares / n).sqrt())
 }
 
 fn no_patch() -> Error {

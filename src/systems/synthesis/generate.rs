@@ -3,7 +3,7 @@
 //! The coarsest size is quilted; from there on every size alternates between a search for the best patches around every cell and
 //! a surface that has the gradients for which they vote (an E and an M step; Kwatra et al. 2005), and hands its pieces on to the next.
 
-use super::exemplar::{Drawn, Level, Synthesis, membranes};
+use super::exemplar::{Drawn, Level, Synthesis, mean_and_deviation, membranes};
 use super::patch::{Asked, Given, Set, Weights};
 use super::provenance::provenance;
 use super::quilting::{Ground, Wanted, quilt};
@@ -27,6 +27,8 @@ use std::sync::Arc;
 const QUILTED_SPREAD: f64 = 0.6;
 /// The last votes at the finest size are spread so much less: nearly one source a cell.
 const LAST_SPREAD: f64 = 0.5;
+/// Standard deviation of the smoothing of the membrane that large forms are pulled to, cells.
+const SMOOTH_MEMBRANE: f64 = 16.0;
 /// At least this share of the cells may lie in pits.
 const LEAST_PITS: f64 = 0.003;
 
@@ -341,17 +343,32 @@ impl<'a> Run<'a> {
         self.field = Field::new(sources);
     }
 
+    /// What large forms are pulled to at a size: those of the landscape model; without one the smoothed membrane, lifted as far as
+    /// the exemplar's ground lies above its own, since crests are drawn more often than the ground between them.
+    fn large_forms(&self, l: usize) -> Grid<f32> {
+        if let Some(landscape) = &self.landscape {
+            return landscape[l].clone();
+        }
+        let membrane = &self.membranes[l];
+        let sigma = SMOOTH_MEMBRANE / f64::from(1u32 << l);
+        let smooth = gaussian::smooth(membrane, &membrane.map(|_| true), sigma);
+        let lift = (self.drawn.lift * mean_and_deviation(membrane).1) as f32;
+        smooth.map(|z| z + lift)
+    }
+
     /// The equation of a size.
     fn surface(&self, l: usize, strokes: &LevelStrokes) -> Result<Surface> {
         let config = self.exemplar.config();
         let own = &config.levels[l];
         let (rows, cols) = self.at(l);
-        let screen = match &self.landscape {
-            Some(_) if own.screened => (TAU / (config.cut / f64::from(1u32 << l))).powi(2),
-            _ => 0.0,
-        };
+        let cut = if self.landscape.is_some() { config.cut } else { config.cut_alone };
+        let screen = if own.screened { (TAU / (cut / f64::from(1u32 << l))).powi(2) } else { 0.0 };
         let mut weights = Grid::filled(rows, cols, config.hold + screen);
-        let mut pull = self.guide(l).map(|z| screen * f64::from(*z));
+        let mut pull = if screen > 0.0 {
+            self.large_forms(l).map(|z| screen * f64::from(*z))
+        } else {
+            Grid::filled(rows, cols, 0.0)
+        };
         for (cell, z, _) in &strokes.cells {
             weights[*cell] += own.strokes;
             pull[*cell] += own.strokes * f64::from(*z);

@@ -2,12 +2,10 @@
 
 use super::config::GuideConfig;
 use crate::error::Result;
-use crate::grid::{Cell, Grid, distance, gaussian};
+use crate::grid::{Cell, Grid, distance};
 use crate::interpolation::harmonic;
 use crate::seed::Seed;
-use crate::sketch::{LineMap, Sketch, StrokeKind};
-use rand::RngExt;
-use rand_distr::StandardNormal;
+use crate::sketch::{Displacement, LineMap, Sketch, StrokeKind};
 
 /// Length of a line over its number of cells, in the mean over its directions: 4 / pi ln(1 + sqrt 2).
 const LENGTH_OF_CELL: f64 = 1.122;
@@ -38,22 +36,8 @@ pub(super) fn displaced(lines: &LineMap, amount: f64, seed: Seed) -> Result<Line
     if amount == 0.0 {
         return Ok(lines.clone());
     }
-    let (rows, cols) = lines.shape();
-    let field = |name: &str| {
-        let mut stream = seed.stream(name);
-        let noise = Grid::from_fn(rows, cols, |_| stream.sample::<f32, _>(StandardNormal));
-        let smooth = gaussian::smooth(&noise, &noise.map(|_| true), WARP_SIGMA);
-        let squares: f64 = smooth.as_slice().iter().map(|v| f64::from(*v).powi(2)).sum();
-        let scale = amount / (squares / smooth.len() as f64).sqrt().max(1e-12);
-        smooth.map(|v| f64::from(*v) * scale)
-    };
-    let (down, right) = rayon::join(|| field("displacement down"), || field("displacement right"));
     let mut sketch = Sketch::trace(lines);
-    for v in sketch.strokes.iter_mut().flat_map(|s| &mut s.vertices) {
-        let cell = Cell::new(v.y as usize, v.x as usize);
-        v.y = (v.y + down[cell]).clamp(0.0, (rows - 1) as f64);
-        v.x = (v.x + right[cell]).clamp(0.0, (cols - 1) as f64);
-    }
+    Displacement::new(lines.shape(), WARP_SIGMA, amount, seed).apply(&mut sketch, 0.0);
     sketch.validate()?;
     Ok(sketch.rasterize())
 }

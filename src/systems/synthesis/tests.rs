@@ -164,6 +164,56 @@ fn cells_may_have_another_size() {
     assert!(error.contains("cell size of the map is 300"), "{error}");
 }
 
+/// Narrow crests on level ground with pits between them: nothing that rivers made.
+fn crests(sign: f32) -> Dem {
+    let crest = |at: f32| 30.0 * (0.5 + 0.5 * (std::f32::consts::TAU * at).cos()).powi(6);
+    let heights = Grid::from_fn(128, 128, |c| {
+        let (y, x) = (c.row as f32, c.col as f32);
+        let grain = ((c.row * 7919 + c.col * 104_729) % 97) as f32 * 0.02;
+        sign * (crest((x + 3.0 * (0.2 * y).sin()) / 24.0) + crest(y / 31.0) + grain) + 300.0
+    });
+    Dem::new(heights, CellSize::square(30.0).unwrap()).unwrap()
+}
+
+#[test]
+fn ground_lies_below_crests_and_above_furrows() {
+    let lift = |sign| synthesis(&crests(sign)).drawn([6, 6]).unwrap().lift;
+    let (below, above) = (lift(1.0), lift(-1.0));
+    assert!(below < -0.1 && above > 0.1, "{below} {above}");
+}
+
+/// Without a landscape model the large forms are those of the strokes, and more so where the pull is not let go.
+#[test]
+fn large_forms_are_those_of_the_strokes() {
+    let dem = crests(1.0);
+    let mut lines = LineMap::empty(96, 96);
+    for i in 0..96 {
+        lines.set(Cell::new(i, 30), StrokeKind::Ridge, 330.0);
+        lines.set(Cell::new(i, 80), StrokeKind::Valley, 300.0);
+    }
+    let membrane =
+        crate::interpolation::harmonic(&lines.mask(), &lines.heights().map(|z| f64::from(*z))).unwrap();
+    let large = |z: &Grid<f32>| crate::grid::gaussian::smooth(z, &z.map(|_| true), 12.0);
+    let wanted = large(&membrane.map(|z| *z as f32));
+    let error = |cut_alone: f64| {
+        let mut config = SynthesisConfig { cut_alone, ..Default::default() };
+        config.quilting.candidates = 3000;
+        let synthesis = Synthesis::new(&dem, &config).unwrap();
+        assert!(!synthesis.landscape().is_fluvial());
+        let one = |seed| {
+            let made = synthesis.synthesize(&lines, Seed(seed), &Stop::new()).unwrap();
+            assert!(!made.has_landscape);
+            let apart =
+                large(&made.heights).cells().map(|(c, z)| f64::from(z - wanted[c])).collect::<Vec<_>>();
+            let mean = apart.iter().sum::<f64>() / apart.len() as f64;
+            apart.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / apart.len() as f64
+        };
+        (1..=4).map(one).sum::<f64>()
+    };
+    let (pulled, free) = (error(48.0), error(1e6));
+    assert!(pulled < 0.8 * free, "{pulled} {free}");
+}
+
 #[test]
 fn what_cannot_be_is_named() {
     let config = SynthesisConfig::default();
