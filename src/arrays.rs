@@ -38,7 +38,7 @@ impl Arrays {
     ///
     /// # Panics
     /// As there.
-    pub fn put_u32(&mut self, name: &str, shape: &[usize], values: &[u32]) {
+    pub(crate) fn put_u32(&mut self, name: &str, shape: &[usize], values: &[u32]) {
         self.put(name, Dtype::U32, shape, values.iter().flat_map(|v| v.to_le_bytes()).collect());
     }
 
@@ -46,7 +46,7 @@ impl Arrays {
     ///
     /// # Panics
     /// As there.
-    pub fn put_u8(&mut self, name: &str, shape: &[usize], values: &[u8]) {
+    pub(crate) fn put_u8(&mut self, name: &str, shape: &[usize], values: &[u8]) {
         self.put(name, Dtype::U8, shape, values.to_vec());
     }
 
@@ -70,7 +70,7 @@ impl Arrays {
     ///
     /// # Errors
     /// As there.
-    pub fn take_u32(&mut self, name: &str) -> Result<Vec<u32>> {
+    pub(crate) fn take_u32(&mut self, name: &str) -> Result<Vec<u32>> {
         let bytes = self.take(name, Dtype::U32)?;
         Ok(bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b)).collect())
     }
@@ -79,7 +79,7 @@ impl Arrays {
     ///
     /// # Errors
     /// As there.
-    pub fn take_u8(&mut self, name: &str) -> Result<Vec<u8>> {
+    pub(crate) fn take_u8(&mut self, name: &str) -> Result<Vec<u8>> {
         self.take(name, Dtype::U8)
     }
 
@@ -99,7 +99,7 @@ impl Arrays {
     ///
     /// # Panics
     /// When a name is taken.
-    pub fn put_all(&mut self, prefix: &str, part: Self) {
+    pub(crate) fn put_all(&mut self, prefix: &str, part: Self) {
         for (name, array) in part.0 {
             let name = format!("{prefix}{name}");
             assert!(!self.0.contains_key(&name), "array {name} exists");
@@ -109,7 +109,7 @@ impl Arrays {
 
     /// Takes all whose names begin with `prefix`, without it.
     #[must_use]
-    pub fn take_all(&mut self, prefix: &str) -> Self {
+    pub(crate) fn take_all(&mut self, prefix: &str) -> Self {
         let all = std::mem::take(&mut self.0);
         let mut part = Self::default();
         for (name, array) in all {
@@ -125,7 +125,7 @@ impl Arrays {
     ///
     /// # Errors
     /// Names the first of them.
-    pub fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         match self.0.keys().next() {
             None => Ok(()),
             Some(name) => Err(Error::value("tensor", name, "the description knows no such tensor")),
@@ -139,7 +139,7 @@ impl Arrays {
     ///
     /// # Panics
     /// Never: lengths fit by construction.
-    pub fn write(&self, path: &Path, key: &str, description: String) -> Result<()> {
+    pub(crate) fn write(&self, path: &Path, key: &str, description: String) -> Result<()> {
         let views = self.0.iter().map(|(name, array)| {
             let view = TensorView::new(array.dtype, array.shape.clone(), &array.bytes);
             (name.as_str(), view.expect("the length fits the shape"))
@@ -154,7 +154,7 @@ impl Arrays {
     ///
     /// # Errors
     /// When the file is damaged, too large, or without such a description.
-    pub fn read(path: &Path, key: &str, what: &str) -> Result<(String, Self)> {
+    pub(crate) fn read(path: &Path, key: &str, what: &str) -> Result<(String, Self)> {
         let allowed = || format!("allowed: {what} written by `train`");
         let damaged = |e: safetensors::SafeTensorError| Error::file(path, "safetensors header", e, allowed());
         let bytes = file::read_whole(path, LARGEST_FILE)?;

@@ -27,14 +27,14 @@ impl<C: Settings> Checked<C> {
     ///
     /// # Errors
     /// As [`Settings::validate`].
-    pub fn new(settings: C) -> Result<Self> {
+    pub(crate) fn new(settings: C) -> Result<Self> {
         settings.validate()?;
         Ok(Self(settings))
     }
 
     /// The settings, to be changed and checked again.
     #[must_use]
-    pub fn into_inner(self) -> C {
+    pub(crate) fn into_inner(self) -> C {
         self.0
     }
 }

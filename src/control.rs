@@ -88,7 +88,7 @@ impl Progress<'_> {
 }
 
 /// Hears of every step.
-pub type Watch<'a> = dyn FnMut(&Progress<'_>) + 'a;
+pub(crate) type Watch<'a> = dyn FnMut(&Progress<'_>) + 'a;
 
 /// How a training is watched, bounded, kept and stopped.
 pub struct Control<'a> {

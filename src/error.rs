@@ -81,7 +81,7 @@ impl From<candle_core::Error> for Error {
 
 impl Error {
     /// A [`Error::File`] from displayable parts.
-    pub fn file(
+    pub(crate) fn file(
         path: &Path,
         field: impl Into<String>,
         value: impl std::fmt::Display,
@@ -101,13 +101,13 @@ impl Error {
     }
 
     /// Returns a closure for `map_err` that names the file and the action.
-    pub fn io<'a>(path: &'a Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self + 'a {
+    pub(crate) fn io<'a>(path: &'a Path, action: &'static str) -> impl FnOnce(std::io::Error) -> Self + 'a {
         move |source| Self::Io { path: path.to_owned(), action, source }
     }
 
     /// The same [`Error::Value`] under another name, so that it says which entry of a list it is about.
     #[must_use]
-    pub fn renamed(self, rename: impl FnOnce(&str) -> String) -> Self {
+    pub(crate) fn renamed(self, rename: impl FnOnce(&str) -> String) -> Self {
         match self {
             Self::Value { name, value, allowed } => Self::Value { name: rename(&name), value, allowed },
             other => other,

@@ -10,13 +10,13 @@ use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// What [`write_atomically`] hands out: buffered and seekable.
-pub type Output<'a> = BufWriter<&'a mut File>;
+pub(crate) type Output<'a> = BufWriter<&'a mut File>;
 
 /// Reads a regular file of at most `limit` bytes.
 ///
 /// # Errors
 /// When the file cannot be read, is a directory, or is larger than `limit` (found out before anything is allocated).
-pub fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
+pub(crate) fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let metadata = fs::metadata(path).map_err(Error::io(path, "open the file"))?;
     if metadata.is_dir() {
         return Err(Error::file(path, "kind of file", "a directory", "allowed: a file"));
@@ -41,7 +41,7 @@ pub fn read_whole(path: &Path, limit: u64) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`read_whole`]; when it is not UTF-8.
-pub fn read_text(path: &Path, limit: u64) -> Result<String> {
+pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String> {
     String::from_utf8(read_whole(path, limit)?).map_err(|e| Error::file(path, "text", e, "allowed: UTF-8"))
 }
 
@@ -49,7 +49,7 @@ pub fn read_text(path: &Path, limit: u64) -> Result<String> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(bytes).map_err(Error::io(path, "write the file")))
 }
 
@@ -61,7 +61,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 ///
 /// # Errors
 /// Those of `fill`; when the directory does not exist or cannot be written; when `path` is a directory.
-pub fn write_atomically<F>(path: &Path, fill: F) -> Result<()>
+pub(crate) fn write_atomically<F>(path: &Path, fill: F) -> Result<()>
 where
     F: FnOnce(&mut Output<'_>) -> Result<()>,
 {
@@ -100,7 +100,7 @@ where
 ///
 /// # Errors
 /// When that is not allowed, or a file is in the way.
-pub fn create_folder(path: &Path) -> Result<()> {
+pub(crate) fn create_folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(Error::io(path, "create the folder"))
 }
 
@@ -108,7 +108,7 @@ pub fn create_folder(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// When they cannot; the system's reason is in it.
-pub fn check_folder(path: &Path) -> Result<()> {
+pub(crate) fn check_folder(path: &Path) -> Result<()> {
     let made = tempfile::Builder::new().prefix(".monadnock-").tempfile_in(path);
     made.map(drop).map_err(Error::io(path, "create a file in the folder"))
 }
@@ -119,7 +119,7 @@ pub fn check_folder(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn append(path: &Path, text: &str) -> Result<()> {
+pub(crate) fn append(path: &Path, text: &str) -> Result<()> {
     let failed = |action| Error::io(path, action);
     let mut file =
         File::options().append(true).create(true).open(path).map_err(failed("open for writing"))?;
@@ -131,7 +131,7 @@ pub fn append(path: &Path, text: &str) -> Result<()> {
 ///
 /// # Errors
 /// When that is not allowed.
-pub fn remove(path: &Path) -> Result<()> {
+pub(crate) fn remove(path: &Path) -> Result<()> {
     let Ok(metadata) = fs::symlink_metadata(path) else { return Ok(()) };
     let removed = if metadata.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
     removed.map_err(Error::io(path, "remove"))
@@ -141,7 +141,7 @@ pub fn remove(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// When the folder cannot be read.
-pub fn list(path: &Path) -> Result<Vec<PathBuf>> {
+pub(crate) fn list(path: &Path) -> Result<Vec<PathBuf>> {
     if !path.exists() {
         return Ok(Vec::new());
     }
@@ -163,7 +163,7 @@ where
 
 /// Bytes in hexadecimal: how hashes are written.
 #[must_use]
-pub fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

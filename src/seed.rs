@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use sha2::{Digest, Sha256};
 
 /// The generator behind every stream: reproducible across platforms and releases of `rand`.
-pub type Stream = ChaCha8Rng;
+pub(crate) type Stream = ChaCha8Rng;
 
 /// A master seed, or a seed derived from one by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]

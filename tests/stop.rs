@@ -57,7 +57,8 @@ fn with_patches() -> Style {
 }
 
 fn with_generators(steps: usize) -> Recipe {
-    let settings = GeneratorConfig { steps, coarsest: 16, factor: 0.5, ..GeneratorConfig::default() };
+    let mut settings = GeneratorConfig::default();
+    (settings.steps, settings.coarsest, settings.factor) = (steps, 16, 0.5);
     let mut recipe = Recipe::network(&config(2), Seed(1)).unwrap();
     recipe.detail = Some(generators(settings).unwrap());
     recipe

@@ -39,7 +39,9 @@ fn main() -> Result<()> {
     let mut short = StyleConfig::default();
     short.model.epochs = 2;
     let mut slow = Recipe::network(&short, Seed(1))?;
-    slow.detail = Some(generators(GeneratorConfig { steps: 1_000_000, ..GeneratorConfig::default() })?);
+    let mut settings = GeneratorConfig::default();
+    settings.steps = 1_000_000;
+    slow.detail = Some(generators(settings)?);
     measure("learn: generators", None, |stop| learned(&slow, &source, stop));
     let patches = Recipe::network(&short, Seed(1))?.with_patches()?;
     measure("learn: patches", Some(()), |stop| learned(&patches, &source, stop));

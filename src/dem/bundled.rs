@@ -20,29 +20,29 @@ const TILES: [(&str, &[u8]); 2] = [
 /// What the manifest says about a tile.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct BundledTile {
+pub(crate) struct BundledTile {
     /// Name to [`load`] it by.
-    pub name: String,
+    pub(crate) name: String,
     /// The place, for people.
-    pub title: String,
+    pub(crate) title: String,
     /// File name inside `data/`.
-    pub file: String,
+    pub(crate) file: String,
     /// Where the heights come from.
-    pub source: String,
+    pub(crate) source: String,
     /// Terms of use.
-    pub licence: String,
+    pub(crate) licence: String,
     /// Whom to credit, in the words to use.
-    pub credit: String,
+    pub(crate) credit: String,
     /// What was done to the source.
-    pub note: String,
+    pub(crate) note: String,
     /// Rows and columns.
-    pub shape: [usize; 2],
+    pub(crate) shape: [usize; 2],
     /// Side of a square cell, metres.
-    pub cell_size: f64,
+    pub(crate) cell_size: f64,
     /// Lowest and highest height, metres.
-    pub elevation: [f64; 2],
+    pub(crate) elevation: [f64; 2],
     /// SHA-256 of the file, hexadecimal.
-    pub sha256: String,
+    pub(crate) sha256: String,
 }
 
 #[derive(serde::Deserialize)]
@@ -56,7 +56,7 @@ struct Manifest {
 /// # Panics
 /// Never in a released build: the manifest is compiled in, and a test parses it.
 #[must_use]
-pub fn manifest() -> &'static [BundledTile] {
+pub(crate) fn manifest() -> &'static [BundledTile] {
     static PARSED: OnceLock<Vec<BundledTile>> = OnceLock::new();
     PARSED.get_or_init(|| toml::from_str::<Manifest>(MANIFEST).expect("data/manifest.toml is valid").tile)
 }

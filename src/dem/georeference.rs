@@ -40,7 +40,7 @@ impl Georeference {
     /// Raster position (col, row) of model coordinates: the inverse of [`to_model`](Self::to_model); `None` when the
     /// transform is singular.
     #[must_use]
-    pub fn to_raster(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+    pub(crate) fn to_raster(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         let [a, b, c, d, e, f] = self.transform;
         let det = a * e - b * d;
         if det == 0.0 || !det.is_finite() {
@@ -52,13 +52,13 @@ impl Georeference {
 
     /// Whether raster and model coordinates determine each other.
     #[must_use]
-    pub fn is_invertible(&self) -> bool {
+    pub(crate) fn is_invertible(&self) -> bool {
         self.transform.iter().all(|v| v.is_finite()) && self.to_raster(0.0, 0.0).is_some()
     }
 
     /// The same ground on a raster of another shape, frame to frame; shapes are (rows, columns).
     #[must_use]
-    pub fn on_raster(&self, from: (usize, usize), to: (usize, usize)) -> Self {
+    pub(crate) fn on_raster(&self, from: (usize, usize), to: (usize, usize)) -> Self {
         let (down, across) = (from.0 as f64 / to.0 as f64, from.1 as f64 / to.1 as f64);
         let [a, b, c, d, e, f] = self.transform;
         Self { transform: [a * across, b * down, c, d * across, e * down, f], ..*self }
@@ -66,7 +66,7 @@ impl Georeference {
 
     /// The same raster after cutting away `rows` in the north and `cols` in the west.
     #[must_use]
-    pub fn shifted(&self, rows: usize, cols: usize) -> Self {
+    pub(crate) fn shifted(&self, rows: usize, cols: usize) -> Self {
         let (x, y) = self.to_model(cols as f64, rows as f64);
         let [a, b, _, d, e, _] = self.transform;
         Self { transform: [a, b, x, d, e, y], ..*self }

@@ -124,7 +124,7 @@ impl Dem {
     ///
     /// # Errors
     /// When less than one such cell is left, or only voids.
-    pub(crate) fn coarsened(&self, factor: usize) -> Result<Self> {
+    pub fn coarsened(&self, factor: usize) -> Result<Self> {
         let (rows, cols) = (self.shape().0 / factor.max(1), self.shape().1 / factor.max(1));
         if rows == 0 || cols == 0 || factor == 0 {
             return Err(Error::value("coarser", factor, format!("the terrain has {:?} cells", self.shape())));

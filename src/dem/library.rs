@@ -8,19 +8,19 @@ use std::path::{Path, PathBuf};
 
 /// Where terrain comes from by name: a folder with a manifest, then the bundled tiles.
 #[derive(Clone, Debug, Default)]
-pub struct Terrain {
+pub(crate) struct Terrain {
     manifest: Option<Manifest>,
 }
 
 /// A piece of terrain, on square cells.
 #[derive(Clone, Debug)]
-pub struct Loaded {
+pub(crate) struct Loaded {
     /// Its file; the name of a bundled tile.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// The terrain.
-    pub dem: Dem,
+    pub(crate) dem: Dem,
     /// What was assumed about it.
-    pub description: Description,
+    pub(crate) description: Description,
 }
 
 impl Terrain {
@@ -28,7 +28,7 @@ impl Terrain {
     ///
     /// # Errors
     /// When the folder's manifest cannot be read.
-    pub fn new(folder: Option<&Path>) -> Result<Self> {
+    pub(crate) fn new(folder: Option<&Path>) -> Result<Self> {
         Ok(Self { manifest: folder.map(Manifest::read).transpose()? })
     }
 
@@ -36,7 +36,7 @@ impl Terrain {
     ///
     /// # Errors
     /// When there is none, or its file is not what the manifest says.
-    pub fn load(&self, name: &str) -> Result<Loaded> {
+    pub(crate) fn load(&self, name: &str) -> Result<Loaded> {
         let in_folder = |m: &&Manifest| m.areas.iter().any(|area| area.name == name);
         if let Some(manifest) = self.manifest.as_ref().filter(in_folder) {
             let (dem, mut description) = manifest.load_described(name)?;

@@ -13,60 +13,60 @@ use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
 /// Name of the manifest in its folder.
-pub const FILE_NAME: &str = "manifest.toml";
+pub(crate) const FILE_NAME: &str = "manifest.toml";
 /// A manifest is a short text.
 const LARGEST: u64 = 1 << 22;
 
 /// What a manifest says about one raster.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Area {
+pub(crate) struct Area {
     /// Name to ask for it by: letters, digits, `-` and `_`.
-    pub name: String,
+    pub(crate) name: String,
     /// Its file, relative to the manifest's folder.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// The place, for people.
     #[serde(default, alias = "title", skip_serializing_if = "String::is_empty")]
-    pub what: String,
+    pub(crate) what: String,
     /// Rows and columns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shape: Option<[usize; 2]>,
+    pub(crate) shape: Option<[usize; 2]>,
     /// Side of a cell on the ground, metres.
     #[serde(default, alias = "cell_size", skip_serializing_if = "Option::is_none")]
-    pub metres_per_pixel: Option<f64>,
+    pub(crate) metres_per_pixel: Option<f64>,
     /// Lowest and highest height, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub elevation: Option<[f64; 2]>,
+    pub(crate) elevation: Option<[f64; 2]>,
     /// Whole 128x128 patches, down and across.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub patches: Option<[usize; 2]>,
+    pub(crate) patches: Option<[usize; 2]>,
     /// Where the heights come from.
     #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub source: String,
+    pub(crate) source: String,
     /// Terms of use.
     #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub licence: String,
+    pub(crate) licence: String,
     /// Whom to credit, in the words to use.
     #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub credit: String,
+    pub(crate) credit: String,
     /// What was done to the source.
     #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub note: String,
+    pub(crate) note: String,
     /// SHA-256 of the file, hexadecimal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sha256: Option<String>,
+    pub(crate) sha256: Option<String>,
     /// Whether the terms allow to ship it with the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub embed: Option<bool>,
+    pub(crate) embed: Option<bool>,
 }
 
 /// The rasters of a folder.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Manifest {
+pub(crate) struct Manifest {
     /// The folder.
-    pub folder: PathBuf,
+    pub(crate) folder: PathBuf,
     /// Its rasters, in the order of the file.
-    pub areas: Vec<Area>,
+    pub(crate) areas: Vec<Area>,
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -81,7 +81,7 @@ impl Manifest {
     ///
     /// # Errors
     /// When the file cannot be read or understood, a name is empty, has other signs or stands twice.
-    pub fn read(folder: &Path) -> Result<Self> {
+    pub(crate) fn read(folder: &Path) -> Result<Self> {
         Self::read_file(&folder.join(FILE_NAME))
     }
 
@@ -89,7 +89,7 @@ impl Manifest {
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn read_file(path: &Path) -> Result<Self> {
+    pub(crate) fn read_file(path: &Path) -> Result<Self> {
         let text = String::from_utf8(file::read_whole(path, LARGEST)?)
             .map_err(|e| Error::file(path, "text", e, "allowed: TOML in UTF-8"))?;
         let document: Document = toml::from_str(&text).map_err(|e| {
@@ -116,7 +116,8 @@ impl Manifest {
     ///
     /// # Errors
     /// When there is no such name, its file cannot be read, or the file is not what the manifest says.
-    pub fn load(&self, name: &str) -> Result<Dem> {
+    #[cfg(test)]
+    pub(crate) fn load(&self, name: &str) -> Result<Dem> {
         self.load_described(name).map(|(dem, _)| dem)
     }
 
@@ -124,7 +125,7 @@ impl Manifest {
     ///
     /// # Errors
     /// As [`load`](Self::load).
-    pub fn load_described(&self, name: &str) -> Result<(Dem, Description)> {
+    pub(crate) fn load_described(&self, name: &str) -> Result<(Dem, Description)> {
         let manifest = self.folder.join(FILE_NAME);
         let Some(area) = self.areas.iter().find(|area| area.name == name) else {
             let names: Vec<&str> = self.areas.iter().map(|area| area.name.as_str()).collect();
@@ -166,7 +167,7 @@ impl Area {
     ///
     /// # Errors
     /// When the name has other signs than letters, digits, `-` and `_`, the raster cannot be read or lies elsewhere.
-    pub fn of_file(name: &str, path: &Path, folder: &Path) -> Result<(Self, Description)> {
+    pub(crate) fn of_file(name: &str, path: &Path, folder: &Path) -> Result<(Self, Description)> {
         check_name(name)?;
         let resolved = |path: &Path| path.canonicalize().map_err(Error::io(path, "find the file"));
         let here = resolved(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })?;
@@ -198,7 +199,7 @@ impl Area {
     /// # Panics
     /// Never: an entry is plain data.
     #[must_use]
-    pub fn to_toml(&self) -> String {
+    pub(crate) fn to_toml(&self) -> String {
         toml::to_string(&Document { area: vec![self.clone()] }).expect("an entry is plain data")
     }
 
@@ -206,7 +207,7 @@ impl Area {
     ///
     /// # Errors
     /// When the file is not a manifest, has the name already, or cannot be written.
-    pub fn add_to(&self, path: &Path) -> Result<()> {
+    pub(crate) fn add_to(&self, path: &Path) -> Result<()> {
         let mut text = String::new();
         if path.exists() {
             let manifest = Manifest::read_file(path)?;

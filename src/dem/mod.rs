@@ -7,13 +7,12 @@ mod georeference;
 mod heights;
 pub mod io;
 mod library;
-pub mod manifest;
+pub(crate) mod manifest;
 mod normalization;
 mod square;
 
 pub use cell_size::CellSize;
 pub use georeference::{Georeference, RasterSpace};
 pub use heights::Dem;
-pub use library::{Loaded, Terrain};
+pub(crate) use library::{Loaded, Terrain};
 pub use normalization::Normalization;
-pub use square::SQUARE_WITHIN;

@@ -12,7 +12,7 @@ use crate::grid::{Cell, Grid, Mask};
 use std::collections::VecDeque;
 
 /// Cells count as square as long as their sides differ by no more than this share.
-pub const SQUARE_WITHIN: f64 = 0.02;
+pub(crate) const SQUARE_WITHIN: f64 = 0.02;
 
 impl CellSize {
     /// Whether the sides differ by at most [`SQUARE_WITHIN`].

@@ -7,9 +7,8 @@ mod strokes;
 mod summary;
 
 pub use crate::style::{PATCH, choose_exemplar, patch_cells};
-pub use rebuild::{
-    Evaluation, EvaluationConfig, Patch, PatchScore, Rebuilt, Reduction, evaluate, evaluate_reduced,
-    patch_seed,
-};
+pub(crate) use rebuild::{Evaluation, Patch, PatchScore, Rebuilt, evaluate_reduced, patch_seed};
+pub use rebuild::{EvaluationConfig, evaluate};
 pub(crate) use strokes::{STROKE_SCORES, StrokeCase};
-pub use summary::{SystemSummary, aggregate, to_csv};
+pub use summary::aggregate;
+pub(crate) use summary::{SystemSummary, to_csv};

@@ -47,41 +47,41 @@ impl EvaluationConfig {
 #[derive(Clone, Debug, Serialize)]
 pub struct PatchScore {
     /// First row of the patch in the DEM.
-    pub row: usize,
+    pub(crate) row: usize,
     /// First column.
-    pub col: usize,
+    pub(crate) col: usize,
     /// The system.
-    pub system: String,
+    pub(crate) system: String,
     /// Seconds to rebuild the patch, alone on one of the workers; with those of the system that this one finishes.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Metres of the unit interval: the patch's range.
-    pub relief: f64,
+    pub(crate) relief: f64,
     /// Share of the patch's cells that carry a line.
-    pub line_share: f64,
+    pub(crate) line_share: f64,
     /// How much of it is copied, of systems that say where their terrain comes from.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub sources: Option<SourceAudit>,
+    pub(crate) sources: Option<SourceAudit>,
     /// The scores; absent when the system failed.
-    pub scores: Option<Scores>,
+    pub(crate) scores: Option<Scores>,
     /// Why it failed.
-    pub error: Option<String>,
+    pub(crate) error: Option<String>,
 }
 
 /// A patch with everything that was made of it.
 #[derive(Clone, Debug)]
-pub struct Rebuilt {
+pub(crate) struct Rebuilt {
     /// First cell in the DEM.
-    pub origin: Cell,
+    pub(crate) origin: Cell,
     /// Metres to unit.
-    pub normalization: Normalization,
+    pub(crate) normalization: Normalization,
     /// True heights, unit.
-    pub truth: Grid<f32>,
+    pub(crate) truth: Grid<f32>,
     /// False at voids.
-    pub valid: Mask,
+    pub(crate) valid: Mask,
     /// The lines that the systems were given, unit heights.
-    pub lines: LineMap,
+    pub(crate) lines: LineMap,
     /// Each system's terrain, unit heights as it made them; none when it failed.
-    pub outputs: Vec<(String, Option<Grid<f32>>)>,
+    pub(crate) outputs: Vec<(String, Option<Grid<f32>>)>,
 }
 
 /// All rows of an evaluation, and the patches when they were to be kept.
@@ -90,22 +90,22 @@ pub struct Evaluation {
     /// A row per patch and system, patches in order.
     pub rows: Vec<PatchScore>,
     /// The patches, empty unless kept.
-    pub patches: Vec<Rebuilt>,
+    pub(crate) patches: Vec<Rebuilt>,
 }
 
 /// Takes lines away from the sketch of the patch at a cell.
-pub type Reduction<'a> = &'a (dyn Fn(LineMap, Cell) -> LineMap + Sync);
+pub(crate) type Reduction<'a> = &'a (dyn Fn(LineMap, Cell) -> LineMap + Sync);
 
 /// A patch as it is shown to the systems.
-pub struct Patch {
+pub(crate) struct Patch {
     /// Metres to unit.
-    pub normalization: Normalization,
+    pub(crate) normalization: Normalization,
     /// True heights, unit.
-    pub truth: Grid<f32>,
+    pub(crate) truth: Grid<f32>,
     /// False at voids.
-    pub valid: Mask,
+    pub(crate) valid: Mask,
     /// What the systems are given, unit heights.
-    pub lines: LineMap,
+    pub(crate) lines: LineMap,
 }
 
 impl Patch {
@@ -113,7 +113,12 @@ impl Patch {
     ///
     /// # Errors
     /// When it reaches past the frame, is all void or level, or shows no line.
-    pub fn new(dem: &Dem, origin: Cell, config: &EvaluationConfig, reduce: Reduction<'_>) -> Result<Self> {
+    pub(crate) fn new(
+        dem: &Dem,
+        origin: Cell,
+        config: &EvaluationConfig,
+        reduce: Reduction<'_>,
+    ) -> Result<Self> {
         let patch = dem.crop(Window::square(origin, PATCH))?;
         let (low, high) = patch.range();
         if low == high {
@@ -132,13 +137,13 @@ impl Patch {
 
     /// Share of the cells that carry a line.
     #[must_use]
-    pub fn line_share(&self) -> f64 {
+    pub(crate) fn line_share(&self) -> f64 {
         self.lines.line_count() as f64 / self.truth.len() as f64
     }
 
     /// Metres of the unit interval.
     #[must_use]
-    pub fn relief(&self) -> f64 {
+    pub(crate) fn relief(&self) -> f64 {
         self.normalization.high() - self.normalization.low()
     }
 }
@@ -181,7 +186,7 @@ pub fn evaluate(
 /// # Errors
 /// As [`evaluate`].
 #[allow(clippy::too_many_arguments, reason = "those of `evaluate` and one more")]
-pub fn evaluate_reduced(
+pub(crate) fn evaluate_reduced(
     dem: &Dem,
     origins: &[Cell],
     systems: &[Named],
@@ -210,7 +215,7 @@ pub fn evaluate_reduced(
 
 /// The seed of the patch at `origin`.
 #[must_use]
-pub fn patch_seed(seed: Seed, origin: Cell) -> Seed {
+pub(crate) fn patch_seed(seed: Seed, origin: Cell) -> Seed {
     seed.derive(&format!("patch {},{}", origin.row, origin.col))
 }
 

@@ -11,11 +11,11 @@ pub struct SystemSummary {
     /// The system.
     pub system: String,
     /// Patches scored.
-    pub patches: usize,
+    pub(crate) patches: usize,
     /// Patches on which it failed.
-    pub failed: usize,
+    pub(crate) failed: usize,
     /// Mean seconds per patch.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Mean and spread of every score.
     pub summary: Summary,
 }
@@ -47,7 +47,7 @@ pub fn aggregate(rows: &[PatchScore]) -> Vec<SystemSummary> {
 ///
 /// # Errors
 /// When memory runs out.
-pub fn to_csv(rows: &[PatchScore]) -> Result<String> {
+pub(crate) fn to_csv(rows: &[PatchScore]) -> Result<String> {
     let known = rows.iter().any(|row| row.scores.is_some());
     let names: Vec<&str> = if known { Scores::names().to_vec() } else { Vec::new() };
     let first = ["row", "col", "system", "seconds", "relief_m", "line_share"];

@@ -3,33 +3,33 @@
 use super::spec::ExperimentSpec;
 use crate::dem::Dem;
 use crate::dem::io::Description;
-pub use crate::dem::{Loaded, Terrain};
+pub(crate) use crate::dem::{Loaded, Terrain};
 use crate::grid::Cell;
 use crate::style::Source;
 use std::path::PathBuf;
 
 /// An area in memory.
 #[derive(Clone, Debug)]
-pub struct Area {
+pub(crate) struct Area {
     /// Its name.
-    pub name: String,
+    pub(crate) name: String,
     /// Its file; the name of a bundled tile.
-    pub file: PathBuf,
+    pub(crate) file: PathBuf,
     /// What was assumed about it.
-    pub description: Description,
+    pub(crate) description: Description,
     /// All of it.
-    pub dem: Dem,
+    pub(crate) dem: Dem,
     /// The exemplar.
-    pub source: Source,
+    pub(crate) source: Source,
     /// North-west cells of the test patches; none for `fit`.
-    pub patches: Vec<Cell>,
+    pub(crate) patches: Vec<Cell>,
 }
 
 /// An experiment ready to be run.
 #[derive(Clone, Debug)]
-pub struct Resolved {
+pub(crate) struct Resolved {
     /// With every configuration, exemplar, patch and fingerprint written out; resolving it again changes nothing.
-    pub spec: ExperimentSpec,
+    pub(crate) spec: ExperimentSpec,
     /// Its areas, in the order of the file.
-    pub areas: Vec<Area>,
+    pub(crate) areas: Vec<Area>,
 }

@@ -8,27 +8,27 @@ use crate::metrics::lower_is_better;
 
 /// How a bound fared.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Verdict {
+pub(crate) struct Verdict {
     /// The bound in words: "anchored: psnr - best interpolator, each area, at least 0".
-    pub bound: String,
+    pub(crate) bound: String,
     /// Why it is expected.
-    pub reason: String,
+    pub(crate) reason: String,
     /// The value nearest to its limit, or farthest beyond it; none when there was nothing to take a mean of.
-    pub worst: Option<f64>,
+    pub(crate) worst: Option<f64>,
     /// Where that was: area, patch, sketch.
-    pub place: String,
+    pub(crate) place: String,
     /// How many values were held against it, and how many broke it.
-    pub checked: usize,
+    pub(crate) checked: usize,
     /// How many of them broke it.
-    pub broken: usize,
+    pub(crate) broken: usize,
     /// Cells on which the system failed and another one did not: each breaks the bound.
-    pub failures: usize,
+    pub(crate) failures: usize,
 }
 
 impl Verdict {
     /// Whether the bound is kept: everywhere, and there was something to check.
     #[must_use]
-    pub fn is_kept(&self) -> bool {
+    pub(crate) fn is_kept(&self) -> bool {
         self.checked > 0 && self.broken == 0 && self.failures == 0
     }
 }
@@ -55,7 +55,7 @@ impl std::fmt::Display for Verdict {
 ///
 /// # Errors
 /// When the experiment names a system that there is not.
-pub fn check(spec: &ExperimentSpec, table: &ScoreTable) -> Result<Vec<Verdict>> {
+pub(crate) fn check(spec: &ExperimentSpec, table: &ScoreTable) -> Result<Vec<Verdict>> {
     let results = Results::new(spec, table)?;
     Ok(spec.bound.iter().map(|bound| judge(&results, bound)).collect())
 }

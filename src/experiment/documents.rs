@@ -17,7 +17,7 @@ const LARGEST: u64 = 1 << 24;
 
 /// How findings are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub(crate) enum Form {
     /// For documents.
     Markdown,
     /// For the terminal.
@@ -28,7 +28,7 @@ pub enum Form {
 ///
 /// # Errors
 /// When the record is not finished or cannot be read.
-pub fn of_record(record: &Record, form: Form) -> Result<String> {
+pub(crate) fn of_record(record: &Record, form: Form) -> Result<String> {
     let revision = record.machine()?.revision;
     let revision = if revision.is_empty() { "an unknown revision" } else { &revision };
     let blocks = findings(record, form)?.into_iter().chain([format!("Revision {revision}.")]);
@@ -50,7 +50,7 @@ fn findings(record: &Record, form: Form) -> Result<Vec<String>> {
 ///
 /// # Errors
 /// When the record cannot be read or has no such finding.
-pub fn of_marker(record: &Record, name: &str) -> Result<String> {
+pub(crate) fn of_marker(record: &Record, name: &str) -> Result<String> {
     let Some((_, number)) = name.split_once('#') else { return of_record(record, Form::Markdown) };
     let findings = findings(record, Form::Markdown)?;
     let index = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
@@ -65,7 +65,7 @@ pub fn of_marker(record: &Record, name: &str) -> Result<String> {
 
 /// The experiment of a marker.
 #[must_use]
-pub fn experiment_of(name: &str) -> &str {
+pub(crate) fn experiment_of(name: &str) -> &str {
     name.split('#').next().unwrap_or(name)
 }
 
@@ -73,7 +73,7 @@ pub fn experiment_of(name: &str) -> &str {
 ///
 /// # Errors
 /// When the file cannot be read, or a marker has no end.
-pub fn markers(document: &Path) -> Result<Vec<String>> {
+pub(crate) fn markers(document: &Path) -> Result<Vec<String>> {
     let text = file::read_text(document, LARGEST)?;
     marked(&text).map_err(|e| e.in_file(document))
 }
@@ -82,7 +82,8 @@ pub fn markers(document: &Path) -> Result<Vec<String>> {
 ///
 /// # Errors
 /// When the document cannot be read or a marker has no end. A record that is not there makes its findings stale.
-pub fn stale(document: &Path, records: &Path) -> Result<Vec<String>> {
+#[cfg(test)]
+pub(crate) fn stale(document: &Path, records: &Path) -> Result<Vec<String>> {
     let text = file::read_text(document, LARGEST)?;
     let is_stale = |name: &String| {
         let content = of_marker(&Record::new(&records.join(experiment_of(name))), name).ok();
@@ -95,7 +96,7 @@ pub fn stale(document: &Path, records: &Path) -> Result<Vec<String>> {
 ///
 /// # Errors
 /// When the document has no such markers, or cannot be read or written.
-pub fn splice(document: &Path, name: &str, content: &str) -> Result<bool> {
+pub(crate) fn splice(document: &Path, name: &str, content: &str) -> Result<bool> {
     let text = file::read_text(document, LARGEST)?;
     let spliced = spliced(&text, name, content).map_err(|e| e.in_file(document))?;
     if spliced != text {

@@ -2,7 +2,7 @@
 
 /// What happens while an experiment runs; told from several threads.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Event {
+pub(crate) enum Event {
     /// So many styles are to be trained, in so many steps.
     Training {
         /// Styles.

@@ -4,24 +4,26 @@
 //! folder -> [`report`](report::write). What is done with the styles is a protocol, one file each below `protocols/`. The
 //! format of the file and of the record is in `docs/experiments.md`.
 
-pub mod areas;
-pub mod bounds;
-pub mod documents;
-pub mod events;
+pub(crate) mod areas;
+pub(crate) mod bounds;
+pub(crate) mod documents;
+pub(crate) mod events;
 mod measure;
 mod pictures;
 mod protocol;
 mod protocols;
-pub mod record;
-pub mod report;
-pub mod resolve;
-pub mod results;
-pub mod rows;
-pub mod run;
-pub mod spec;
+pub(crate) mod record;
+pub(crate) mod report;
+pub(crate) mod resolve;
+pub(crate) mod results;
+pub(crate) mod rows;
+pub(crate) mod run;
+pub(crate) mod spec;
 mod styles;
 #[cfg(test)]
 mod tests;
 mod validate;
 
-pub use spec::{ExperimentSpec, Kind};
+pub(crate) use spec::ExperimentSpec;
+#[cfg(test)]
+pub(crate) use spec::Kind;

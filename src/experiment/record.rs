@@ -36,78 +36,78 @@ const PASSING: [&str; 7] =
 
 /// A record's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Record {
+pub(crate) struct Record {
     folder: PathBuf,
 }
 
 /// The program and the machine of a record.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct MachineInfo {
+pub(crate) struct MachineInfo {
     /// Version of the program.
-    pub version: String,
+    pub(crate) version: String,
     /// Revision of its source, as far as known.
-    pub revision: String,
+    pub(crate) revision: String,
     /// SHA-256 of the program's file.
-    pub program_sha256: String,
+    pub(crate) program_sha256: String,
     /// Operating system and processor architecture.
-    pub system: String,
+    pub(crate) system: String,
     /// Cores that the process may use.
-    pub cores: usize,
+    pub(crate) cores: usize,
     /// Memory of the machine, MB.
-    pub memory_mb: u64,
+    pub(crate) memory_mb: u64,
     /// Vector instructions of the kernels (`scalar`, `avx2`, `avx512`); empty in records from before they could be chosen.
-    pub vector: String,
+    pub(crate) vector: String,
     /// One entry each time the run was started or continued.
-    pub session: Vec<Session>,
+    pub(crate) session: Vec<Session>,
 }
 
 /// One stretch of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Session {
+pub(crate) struct Session {
     /// Seconds from beginning to end.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Styles trained at once.
-    pub jobs: usize,
+    pub(crate) jobs: usize,
     /// Threads in all.
-    pub threads: usize,
+    pub(crate) threads: usize,
     /// Styles trained.
-    pub trained: usize,
+    pub(crate) trained: usize,
     /// Rows scored.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Largest memory of the process, MB.
-    pub peak_memory_mb: u64,
+    pub(crate) peak_memory_mb: u64,
 }
 
 /// What is known of one training: a row of `training.csv`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct TrainingRow {
+pub(crate) struct TrainingRow {
     /// The style.
-    pub style: String,
+    pub(crate) style: String,
     /// The area.
-    pub area: String,
+    pub(crate) area: String,
     /// The seed.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// Weights of the network.
-    pub parameters: usize,
+    pub(crate) parameters: usize,
     /// Steps.
-    pub epochs: usize,
+    pub(crate) epochs: usize,
     /// Seconds of the steps.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Seconds before them.
-    pub preparation_seconds: f64,
+    pub(crate) preparation_seconds: f64,
     /// Median seconds of a step.
-    pub seconds_per_epoch: f64,
+    pub(crate) seconds_per_epoch: f64,
     /// Seconds to learn the detail; none without.
-    pub detail_seconds: Option<f64>,
+    pub(crate) detail_seconds: Option<f64>,
     /// What strength 1 of the detail is worth.
-    pub detail_gain: Option<f64>,
+    pub(crate) detail_gain: Option<f64>,
     /// PSNR of the exemplar that generators rebuild, decibels; patches rebuild none.
-    pub detail_psnr: Option<f64>,
+    pub(crate) detail_psnr: Option<f64>,
     /// Why it failed; empty when it did not.
-    pub error: String,
+    pub(crate) error: String,
 }
 
 /// Seconds and memory of a stage: a row of `stages.csv`.
@@ -141,7 +141,7 @@ impl StageRow {
 impl MachineInfo {
     /// This program on this machine.
     #[must_use]
-    pub fn here() -> Self {
+    pub(crate) fn here() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             revision: machine::revision().unwrap_or_default().to_owned(),
@@ -158,13 +158,13 @@ impl MachineInfo {
 impl Record {
     /// The record in a folder, which need not be there yet.
     #[must_use]
-    pub fn new(folder: &Path) -> Self {
+    pub(crate) fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned() }
     }
 
     /// A file of the record.
     #[must_use]
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
@@ -173,7 +173,7 @@ impl Record {
     ///
     /// # Errors
     /// When the folder holds a record of another experiment or build and `restart` is false; when it cannot be written.
-    pub fn begin(&self, spec: &ExperimentSpec, restart: bool) -> Result<MachineInfo> {
+    pub(crate) fn begin(&self, spec: &ExperimentSpec, restart: bool) -> Result<MachineInfo> {
         let here = MachineInfo::here();
         let path = self.path("resolved.toml");
         if restart {
@@ -224,7 +224,7 @@ impl Record {
     ///
     /// # Errors
     /// When the record has none, or it cannot be read.
-    pub fn spec(&self) -> Result<ExperimentSpec> {
+    pub(crate) fn spec(&self) -> Result<ExperimentSpec> {
         ExperimentSpec::read(&self.path("resolved.toml"))
     }
 
@@ -232,7 +232,7 @@ impl Record {
     ///
     /// # Errors
     /// When the record does not say, or it cannot be read.
-    pub fn machine(&self) -> Result<MachineInfo> {
+    pub(crate) fn machine(&self) -> Result<MachineInfo> {
         let bad = |e| Error::file(&self.path("machine.toml"), "machine", e, "allowed: what a run writes");
         toml::from_str(&self.text("machine.toml")?).map_err(bad)
     }
@@ -244,7 +244,7 @@ impl Record {
     ///
     /// # Panics
     /// Never: it is plain data.
-    pub fn write_machine(&self, info: &MachineInfo) -> Result<()> {
+    pub(crate) fn write_machine(&self, info: &MachineInfo) -> Result<()> {
         let text = toml::to_string(info).expect("plain data");
         file::write_bytes(&self.path("machine.toml"), text.as_bytes())
     }
@@ -253,7 +253,7 @@ impl Record {
     ///
     /// # Errors
     /// When there are none yet, or they cannot be read.
-    pub fn scores(&self) -> Result<ScoreTable> {
+    pub(crate) fn scores(&self) -> Result<ScoreTable> {
         ScoreTable::of_csv(&self.path("scores.csv"), &self.text("scores.csv")?)
     }
 
@@ -261,7 +261,7 @@ impl Record {
     ///
     /// # Errors
     /// When the journal cannot be read, or is damaged elsewhere.
-    pub fn journal(&self, columns: usize) -> Result<BTreeMap<Key, Timed>> {
+    pub(crate) fn journal(&self, columns: usize) -> Result<BTreeMap<Key, Timed>> {
         let path = self.path("journal.csv");
         let text = self.text("journal.csv")?;
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
@@ -290,7 +290,7 @@ impl Record {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn note(&self, rows: &[Timed]) -> Result<()> {
+    pub(crate) fn note(&self, rows: &[Timed]) -> Result<()> {
         let lines = rows.iter().map(|(row, seconds)| (row, format!("{seconds:.4}")));
         file::append(&self.path("journal.csv"), &csv_lines(lines)?)
     }
@@ -299,7 +299,7 @@ impl Record {
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn write_scores(&self, columns: &[&str], rows: &[Timed]) -> Result<()> {
+    pub(crate) fn write_scores(&self, columns: &[&str], rows: &[Timed]) -> Result<()> {
         let columns = columns.iter().map(|&name| name.to_owned()).collect();
         let table = ScoreTable { columns, rows: rows.iter().map(|(row, _)| row.clone()).collect() };
         let header = ["system", "area", "row", "col", "seed", "sketch", "seconds"];
@@ -312,7 +312,7 @@ impl Record {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write_table<T: Serialize>(&self, name: &str, rows: &[T]) -> Result<()> {
+    pub(crate) fn write_table<T: Serialize>(&self, name: &str, rows: &[T]) -> Result<()> {
         file::write_bytes(&self.path(name), csv_table(rows)?.as_bytes())
     }
 
@@ -320,7 +320,7 @@ impl Record {
     ///
     /// # Errors
     /// When the file cannot be read or a line is not such a row.
-    pub fn table<T: DeserializeOwned>(&self, name: &str) -> Result<Vec<T>> {
+    pub(crate) fn table<T: DeserializeOwned>(&self, name: &str) -> Result<Vec<T>> {
         if !self.has(name) {
             return Ok(Vec::new());
         }
@@ -331,7 +331,7 @@ impl Record {
     ///
     /// # Errors
     /// When the file cannot be read or is not such a table.
-    pub fn add_peers(&self, path: &Path) -> Result<()> {
+    pub(crate) fn add_peers(&self, path: &Path) -> Result<()> {
         let text = file::read_text(path, LARGEST)?;
         let head = text.lines().next().unwrap_or_default().trim();
         let expected = "stage,system,n,seconds,peak_memory_mb";
@@ -346,13 +346,13 @@ impl Record {
     ///
     /// # Errors
     /// When the folder cannot be read.
-    pub fn list(&self, name: &str) -> Result<Vec<PathBuf>> {
+    pub(crate) fn list(&self, name: &str) -> Result<Vec<PathBuf>> {
         file::list(&self.path(name))
     }
 
     /// Whether the record holds a file, as it is or compressed.
     #[must_use]
-    pub fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.path(name).is_file() || self.path(&format!("{name}.xz")).is_file()
     }
 
@@ -361,7 +361,7 @@ impl Record {
     ///
     /// # Errors
     /// When the record is not finished, or a file cannot be read or written.
-    pub fn pack(&self, summary: &str) -> Result<()> {
+    pub(crate) fn pack(&self, summary: &str) -> Result<()> {
         self.scores()?;
         file::write_bytes(&self.path("summary.md"), summary.as_bytes())?;
         for name in KEPT {

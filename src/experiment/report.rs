@@ -26,7 +26,7 @@ const PLOTTED: usize = 4;
 ///
 /// # Errors
 /// When the record is not finished, or a file cannot be read or written.
-pub fn write(record: &Record) -> Result<PathBuf> {
+pub(crate) fn write(record: &Record) -> Result<PathBuf> {
     let (spec, table) = (record.spec()?, record.scores()?);
     let (machine, training) = (record.machine()?, record.table("training.csv")?);
     let results = Results::new(&spec, &table)?;

@@ -16,7 +16,7 @@ use std::borrow::Cow;
 /// # Errors
 /// When an area is not there or not the one that the file means; when exemplar or patches reach past its frame; when a test
 /// patch shares cells with the exemplar; when no test patch is left.
-pub fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
+pub(crate) fn resolve(spec: &ExperimentSpec, terrain: &Terrain) -> Result<Resolved> {
     spec.validate()?;
     let mut spec = spec.clone();
     if spec.kind == Kind::Exemplar {

@@ -6,18 +6,18 @@
 use super::rows::{ScoreRow, ScoreTable};
 use super::spec::ExperimentSpec;
 use crate::error::Result;
-pub use crate::metrics::Stat;
+pub(crate) use crate::metrics::Stat;
 use crate::metrics::lower_is_better;
 use std::collections::BTreeMap;
 
 /// A patch and a seed: (row, column, seed).
-pub type CellKey = (usize, usize, u64);
+pub(crate) type CellKey = (usize, usize, u64);
 /// A score on every cell that has one.
-pub type Cells = BTreeMap<CellKey, f64>;
+pub(crate) type Cells = BTreeMap<CellKey, f64>;
 
 /// The rows of an experiment, to be asked for means.
 #[derive(Clone, Debug)]
-pub struct Results<'a> {
+pub(crate) struct Results<'a> {
     pub(super) spec: &'a ExperimentSpec,
     pub(super) table: &'a ScoreTable,
     interpolators: Vec<String>,
@@ -35,7 +35,7 @@ impl<'a> Results<'a> {
     ///
     /// # Errors
     /// When the experiment names an interpolator that there is not.
-    pub fn new(spec: &'a ExperimentSpec, table: &'a ScoreTable) -> Result<Self> {
+    pub(crate) fn new(spec: &'a ExperimentSpec, table: &'a ScoreTable) -> Result<Self> {
         let mut index: BTreeMap<_, Vec<&ScoreRow>> = BTreeMap::new();
         for row in &table.rows {
             let k = &row.key;
@@ -49,7 +49,7 @@ impl<'a> Results<'a> {
 
     /// The interpolators that the experiment compares.
     #[must_use]
-    pub fn interpolators(&self) -> &[String] {
+    pub(crate) fn interpolators(&self) -> &[String] {
         &self.interpolators
     }
 
@@ -60,7 +60,7 @@ impl<'a> Results<'a> {
 
     /// The scores of a system on the cells of an area.
     #[must_use]
-    pub fn cells(&self, system: &str, area: &str, sketch: &str, metric: &str) -> Cells {
+    pub(crate) fn cells(&self, system: &str, area: &str, sketch: &str, metric: &str) -> Cells {
         let Some(column) = self.table.column(metric) else { return Cells::new() };
         let rows = self.rows(system, area, sketch).iter();
         let scored = rows.filter_map(|row| Some((row, row.values[column].filter(|v| v.is_finite())?)));
@@ -75,7 +75,7 @@ impl<'a> Results<'a> {
 
     /// Mean and spread over the cells of an area, or of all areas' means.
     #[must_use]
-    pub fn stat(&self, system: &str, area: Option<&str>, sketch: &str, metric: &str) -> Option<Stat> {
+    pub(crate) fn stat(&self, system: &str, area: Option<&str>, sketch: &str, metric: &str) -> Option<Stat> {
         let of = |area: &str| Stat::of(self.cells(system, area, sketch, metric).into_values());
         match area {
             Some(area) => of(area),
@@ -104,7 +104,12 @@ impl<'a> Results<'a> {
 
     /// The interpolator with the best mean of an area, or of all of them.
     #[must_use]
-    pub fn best_interpolator(&self, area: Option<&str>, sketch: &str, metric: &str) -> Option<(&str, f64)> {
+    pub(crate) fn best_interpolator(
+        &self,
+        area: Option<&str>,
+        sketch: &str,
+        metric: &str,
+    ) -> Option<(&str, f64)> {
         let mean = |name: &String| self.stat(name, area, sketch, metric).map(|stat| stat.mean);
         let means = self.interpolators.iter().filter_map(|name| Some((name.as_str(), mean(name)?)));
         means.reduce(|best, next| if better(metric, next.1, best.1) { next } else { best })
@@ -112,7 +117,7 @@ impl<'a> Results<'a> {
 
     /// On every cell the best of the interpolators there.
     #[must_use]
-    pub fn best_of_each(&self, area: &str, sketch: &str, metric: &str) -> Cells {
+    pub(crate) fn best_of_each(&self, area: &str, sketch: &str, metric: &str) -> Cells {
         let mut best = Cells::new();
         for name in &self.interpolators {
             for (cell, value) in self.cells(name, area, sketch, metric) {
@@ -127,7 +132,7 @@ impl<'a> Results<'a> {
 
     /// Cells of an area on which a system failed and another one did not.
     #[must_use]
-    pub fn failures(&self, system: &str, area: &str, sketch: &str) -> usize {
+    pub(crate) fn failures(&self, system: &str, area: &str, sketch: &str) -> usize {
         let rows = || self.table.rows.iter().filter(|row| row.key.area == area && row.key.sketch == sketch);
         let cell = |row: &ScoreRow| (row.key.row, row.key.col, row.key.seed);
         let possible: std::collections::BTreeSet<CellKey> =
@@ -139,19 +144,19 @@ impl<'a> Results<'a> {
 
 /// Whether `a` is a better score than `b`.
 #[must_use]
-pub fn better(metric: &str, a: f64, b: f64) -> bool {
+pub(crate) fn better(metric: &str, a: f64, b: f64) -> bool {
     if lower_is_better(metric) { a < b } else { a > b }
 }
 
 /// `a - b` on the cells that both have.
 #[must_use]
-pub fn difference(a: &Cells, b: &Cells) -> Cells {
+pub(crate) fn difference(a: &Cells, b: &Cells) -> Cells {
     a.iter().filter_map(|(cell, value)| Some((*cell, value - b.get(cell)?))).collect()
 }
 
 /// Mean over seeds of every patch: (row, column).
 #[must_use]
-pub fn of_patches(cells: &Cells) -> BTreeMap<(usize, usize), f64> {
+pub(crate) fn of_patches(cells: &Cells) -> BTreeMap<(usize, usize), f64> {
     let mut patches: BTreeMap<(usize, usize), (f64, usize)> = BTreeMap::new();
     for (&(row, col, _), value) in cells {
         let entry = patches.entry((row, col)).or_default();

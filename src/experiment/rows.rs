@@ -11,49 +11,49 @@ use std::path::Path;
 
 /// What a row is about.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Key {
+pub(crate) struct Key {
     /// The system.
-    pub system: String,
+    pub(crate) system: String,
     /// The area.
-    pub area: String,
+    pub(crate) area: String,
     /// First row of the patch in the area.
-    pub row: usize,
+    pub(crate) row: usize,
     /// First column.
-    pub col: usize,
+    pub(crate) col: usize,
     /// The seed.
-    pub seed: u64,
+    pub(crate) seed: u64,
     /// The sketch that the system was given.
-    pub sketch: String,
+    pub(crate) sketch: String,
 }
 
 /// A system's scores on one patch.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ScoreRow {
+pub(crate) struct ScoreRow {
     /// What it is about.
-    pub key: Key,
+    pub(crate) key: Key,
     /// Metres of the unit interval: the patch's range.
     #[serde(serialize_with = "number")]
-    pub relief: f64,
+    pub(crate) relief: f64,
     /// Share of the patch's cells that carry a line.
     #[serde(serialize_with = "number")]
-    pub line_share: f64,
+    pub(crate) line_share: f64,
     /// A value for each column of the table; `None` where there is no such score.
     #[serde(serialize_with = "numbers")]
-    pub values: Vec<Option<f64>>,
+    pub(crate) values: Vec<Option<f64>>,
     /// Why there are no scores, on one line; empty when there are.
-    pub error: String,
+    pub(crate) error: String,
 }
 
 /// A finished row with the seconds that it took.
-pub type Timed = (ScoreRow, f64);
+pub(crate) type Timed = (ScoreRow, f64);
 
 /// Rows under columns.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ScoreTable {
+pub(crate) struct ScoreTable {
     /// Names of the scores.
-    pub columns: Vec<String>,
+    pub(crate) columns: Vec<String>,
     /// The rows.
-    pub rows: Vec<ScoreRow>,
+    pub(crate) rows: Vec<ScoreRow>,
 }
 
 const FIRST: [&str; 8] = ["system", "area", "row", "col", "seed", "sketch", "relief_m", "line_share"];
@@ -77,7 +77,7 @@ fn numbers<S: Serializer>(values: &[Option<f64>], serializer: S) -> Result<S::Ok
 impl ScoreRow {
     /// A row without scores.
     #[must_use]
-    pub fn failed(key: Key, columns: usize, error: &str) -> Self {
+    pub(crate) fn failed(key: Key, columns: usize, error: &str) -> Self {
         let error = error.replace(['\n', '\r'], " ");
         Self { key, relief: 0.0, line_share: 0.0, values: vec![None; columns], error }
     }
@@ -86,7 +86,7 @@ impl ScoreRow {
     ///
     /// # Errors
     /// When a field is missing or not what it should be.
-    pub fn read(line: &csv::StringRecord, columns: usize) -> Result<Self> {
+    pub(crate) fn read(line: &csv::StringRecord, columns: usize) -> Result<Self> {
         let expected = FIRST.len() + columns + 1;
         if line.len() != expected {
             return Err(Error::value("number of fields", line.len(), format!("allowed: {expected}")));
@@ -122,7 +122,7 @@ impl ScoreTable {
     ///
     /// # Errors
     /// When memory runs out.
-    pub fn to_csv(&self) -> Result<String> {
+    pub(crate) fn to_csv(&self) -> Result<String> {
         let columns = self.columns.iter().map(String::as_str);
         let header: Vec<&str> = FIRST.into_iter().chain(columns).chain(["error"]).collect();
         Ok(csv_lines([header])? + &csv_lines(&self.rows)?)
@@ -132,7 +132,7 @@ impl ScoreTable {
     ///
     /// # Errors
     /// When the text is not such a table; the message names the line.
-    pub fn of_csv(path: &Path, text: &str) -> Result<Self> {
+    pub(crate) fn of_csv(path: &Path, text: &str) -> Result<Self> {
         let bad = |line: usize, e: &dyn std::fmt::Display| {
             let allowed = "allowed: a table of scores as `experiment run` writes it";
             Error::file(path, format!("line {line}"), e, allowed)
@@ -156,7 +156,7 @@ impl ScoreTable {
 
     /// Place of a column.
     #[must_use]
-    pub fn column(&self, name: &str) -> Option<usize> {
+    pub(crate) fn column(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column == name)
     }
 }

@@ -25,26 +25,26 @@ use std::time::Instant;
 
 /// How to run.
 #[derive(Clone, Debug)]
-pub struct RunOptions {
+pub(crate) struct RunOptions {
     /// The folder of the record.
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
     /// Styles trained at once, at least 1.
-    pub jobs: usize,
+    pub(crate) jobs: usize,
     /// Start over, whatever the folder holds.
-    pub restart: bool,
+    pub(crate) restart: bool,
     /// The folder of trained styles, which several experiments may share; none is the record's own.
-    pub styles: Option<PathBuf>,
+    pub(crate) styles: Option<PathBuf>,
 }
 
 /// What a run did.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// Rows in `scores.csv`.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Rows with an error.
-    pub failed: usize,
+    pub(crate) failed: usize,
     /// Seconds of all sessions of the record.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 /// Runs what of the experiment is not yet in the record.
@@ -52,7 +52,11 @@ pub struct Outcome {
 /// # Errors
 /// When the record is of another experiment or build, or cannot be written. A training or a system that fails gives rows with
 /// its error instead.
-pub fn run(resolved: &Resolved, options: &RunOptions, watch: &(dyn Fn(Event) + Sync)) -> Result<Outcome> {
+pub(crate) fn run(
+    resolved: &Resolved,
+    options: &RunOptions,
+    watch: &(dyn Fn(Event) + Sync),
+) -> Result<Outcome> {
     if options.jobs == 0 {
         return Err(Error::value("number of jobs", 0, "allowed: at least 1"));
     }

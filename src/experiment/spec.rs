@@ -6,7 +6,7 @@
 use crate::checked::Settings;
 use crate::error::{Error, Result};
 use crate::extract::ExtractionConfig;
-pub use crate::style::DetailSpec;
+pub(crate) use crate::style::DetailSpec;
 use crate::style::{self, NETWORK, Preset, Registry, StyleConfig, SystemPlan, overlaid};
 use crate::systems::task::RandomHeights;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs, reason = "each is described in its file below `protocols/`")]
-pub enum Kind {
+pub(crate) enum Kind {
     Neighbours,
     Fit,
     Sparse,
@@ -32,7 +32,8 @@ pub enum Kind {
 
 impl Kind {
     /// Every one.
-    pub const ALL: [Self; 11] = [
+    #[cfg(test)]
+    pub(crate) const ALL: [Self; 11] = [
         Self::Neighbours,
         Self::Fit,
         Self::Sparse,
@@ -56,102 +57,102 @@ impl std::fmt::Display for Kind {
 /// An experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ExperimentSpec {
+pub(crate) struct ExperimentSpec {
     /// What is done.
-    pub kind: Kind,
+    pub(crate) kind: Kind,
     /// One line.
-    pub title: String,
+    pub(crate) title: String,
     /// What the experiment is to answer.
-    pub question: String,
+    pub(crate) question: String,
     /// What the results say, written after a run.
     #[serde(default)]
-    pub analysis: String,
+    pub(crate) analysis: String,
     /// Seeds of training and generation; each gives its own rows.
-    pub seeds: Vec<u64>,
+    pub(crate) seeds: Vec<u64>,
     /// How long all of it may take on the machine that it is meant for.
-    pub budget_minutes: f64,
+    pub(crate) budget_minutes: f64,
     /// Scores that tables and plots show, by their names in `scores.csv`, the most important first.
     #[serde(default = "main_metrics")]
-    pub metrics: Vec<String>,
+    pub(crate) metrics: Vec<String>,
     /// Patches an area of which pictures are kept: the worst and the best in turn.
     #[serde(default)]
-    pub pictures: usize,
+    pub(crate) pictures: usize,
     /// Interpolators beside the styles: names, or `all` alone.
     #[serde(default)]
-    pub interpolators: Vec<String>,
+    pub(crate) interpolators: Vec<String>,
     /// The system that bounds, pictures and plots are about; the first style's first one when absent.
-    pub highlight: Option<String>,
+    pub(crate) highlight: Option<String>,
     /// Ablation: the system that the others are compared with; the highlighted one when absent.
-    pub baseline: Option<String>,
+    pub(crate) baseline: Option<String>,
     /// At most so many test patches an area, the nearest to the exemplar.
-    pub patches_per_area: Option<usize>,
+    pub(crate) patches_per_area: Option<usize>,
     /// How lines of patches are found, and what the styles' own extraction begins with.
     #[serde(default)]
-    pub extraction: ExtractionConfig,
+    pub(crate) extraction: ExtractionConfig,
     /// Sections of the style configuration ([`StyleConfig`]) that all styles share.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
-    pub overrides: toml::Table,
+    pub(crate) overrides: toml::Table,
     /// The styles.
-    pub style: Vec<StyleSpec>,
+    pub(crate) style: Vec<StyleSpec>,
     /// The areas with their exemplars.
-    pub area: Vec<AreaSpec>,
+    pub(crate) area: Vec<AreaSpec>,
     /// The sketches that the systems are given of each patch; one with the lines of `extraction` when none is named.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub sketch: Vec<SketchSpec>,
+    pub(crate) sketch: Vec<SketchSpec>,
     /// What the results should be.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub bound: Vec<Bound>,
+    pub(crate) bound: Vec<Bound>,
     /// Numbers that others printed, to stand beside ours.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub printed: Vec<Printed>,
+    pub(crate) printed: Vec<Printed>,
 }
 
 /// A style that is trained for every area and seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StyleSpec {
+pub(crate) struct StyleSpec {
     /// Stands for `gnn` in the names of its systems: `gnn-aligned` of the style `paper` is `paper-aligned`.
-    pub name: String,
+    pub(crate) name: String,
     /// Ways to use the style, by their names in the registry; all of them when none is named.
     #[serde(default)]
-    pub systems: Vec<String>,
+    pub(crate) systems: Vec<String>,
     /// The coarse systems that it learns, by name; the region network (`gnn`) alone when absent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub learns: Vec<String>,
+    pub(crate) learns: Vec<String>,
     /// The configuration to begin with.
-    pub preset: Option<Preset>,
+    pub(crate) preset: Option<Preset>,
     /// Sections of the configuration that differ from the preset and the common overrides.
     #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
-    pub set: toml::Table,
+    pub(crate) set: toml::Table,
     /// The whole configuration instead of preset, overrides and set: what a resolved file has.
-    pub config: Option<StyleConfig>,
+    pub(crate) config: Option<StyleConfig>,
     /// Also has detail: `"patches"`, `"generators"` (the usual ones), `"paper"` (SinGAN as it was published), or generators
     /// with these settings. Without it the style is coarse only.
-    pub detail: Option<DetailSpec>,
+    pub(crate) detail: Option<DetailSpec>,
 }
 
 /// One piece of terrain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct AreaSpec {
+pub(crate) struct AreaSpec {
     /// Its name in a manifest, or that of a bundled tile.
-    pub name: String,
+    pub(crate) name: String,
     /// The terrain by its name in a manifest or bundle, where `name` is another.
-    pub terrain: Option<String>,
+    pub(crate) terrain: Option<String>,
     /// Takes the means of so many by so many cells as the terrain.
-    pub coarser: Option<usize>,
+    pub(crate) coarser: Option<usize>,
     /// Row and column of the exemplar's north-west cell, and its side if not 128; the most varied central patch when absent.
-    pub exemplar: Option<Vec<usize>>,
+    pub(crate) exemplar: Option<Vec<usize>>,
     /// North-west cells of the test patches; all whole ones that share no cell with the exemplar when absent.
-    pub patches: Option<Vec<[usize; 2]>>,
+    pub(crate) patches: Option<Vec<[usize; 2]>>,
     /// SHA-256 of heights and voids, which must be those of the terrain that is found.
-    pub fingerprint: Option<String>,
+    pub(crate) fingerprint: Option<String>,
 }
 
 /// Which strokes of a sketch are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Choice {
+pub(crate) enum Choice {
     /// The longest ones.
     #[default]
     Longest,
@@ -162,43 +163,43 @@ pub enum Choice {
 /// Which lines the systems are given.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SketchSpec {
+pub(crate) struct SketchSpec {
     /// For tables: "order 3".
-    pub name: String,
+    pub(crate) name: String,
     /// Lowest Strahler order; that of `extraction` when absent.
-    pub order: Option<u8>,
+    pub(crate) order: Option<u8>,
     /// Fewest cells that a line drains; those of `extraction` when absent.
-    pub accumulation: Option<u32>,
+    pub(crate) accumulation: Option<u32>,
     /// Keeps at most so many strokes (lines between junctions; `strokes`: half of them valleys, half ridges).
-    pub strokes: Option<usize>,
+    pub(crate) strokes: Option<usize>,
     /// Which ones; the longest when absent.
-    pub choose: Option<Choice>,
+    pub(crate) choose: Option<Choice>,
     /// `drawings`: the bundled sample sketch.
-    pub drawing: Option<String>,
+    pub(crate) drawing: Option<String>,
     /// `strokes`: side of the truths, cells; 256 when absent.
-    pub size: Option<usize>,
+    pub(crate) size: Option<usize>,
     /// `strokes`: share of the truth that a drawn line drains at least; that of [`MainLinesConfig`](crate::extract::MainLinesConfig) when absent.
-    pub share: Option<f64>,
+    pub(crate) share: Option<f64>,
     /// `drawings`, `strokes`: nodes of random lines (5.2); none when absent.
-    pub random: Option<usize>,
+    pub(crate) random: Option<usize>,
     /// `drawings`, `strokes`: where those lines lie; around the drawn strokes, as steep as the style, when absent.
-    pub random_heights: Option<RandomHeights>,
+    pub(crate) random_heights: Option<RandomHeights>,
     /// `invariance`: degrees by which the lines are turned about the middle, counter-clockwise.
-    pub turn: Option<f64>,
+    pub(crate) turn: Option<f64>,
     /// `invariance`: west and east change places, before turning.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub mirror: bool,
+    pub(crate) mirror: bool,
     /// `invariance`: cells south and east by which the lines are moved.
-    pub shift: Option<[i32; 2]>,
+    pub(crate) shift: Option<[i32; 2]>,
     /// `invariance`: the parts move with the lines instead of being cut anew.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub same_parts: bool,
+    pub(crate) same_parts: bool,
 }
 
 /// Over what a bound takes its mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Scope {
+pub(crate) enum Scope {
     /// The mean of the areas' means.
     AllAreas,
     /// The mean of each area, over patches and seeds; every one must keep the bound.
@@ -210,7 +211,7 @@ pub enum Scope {
 /// What a system's score is compared with.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Against {
+pub(crate) enum Against {
     /// The interpolator with the best mean over the scope.
     BestInterpolator,
     /// On each patch the best interpolator there.
@@ -222,45 +223,45 @@ pub enum Against {
 /// An expectation: a mean score, or its difference to another system's, lies between `min` and `max`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Bound {
+pub(crate) struct Bound {
     /// The system; the highlighted one when absent.
-    pub system: Option<String>,
+    pub(crate) system: Option<String>,
     /// The score.
-    pub metric: String,
+    pub(crate) metric: String,
     /// The sketch; every one when absent.
-    pub sketch: Option<String>,
+    pub(crate) sketch: Option<String>,
     /// The area; every one when absent.
-    pub area: Option<String>,
+    pub(crate) area: Option<String>,
     /// Over what the mean is taken.
-    pub over: Scope,
+    pub(crate) over: Scope,
     /// What is subtracted.
-    pub against: Option<Against>,
+    pub(crate) against: Option<Against>,
     /// Lowest allowed value.
-    pub min: Option<f64>,
+    pub(crate) min: Option<f64>,
     /// Highest allowed value.
-    pub max: Option<f64>,
+    pub(crate) max: Option<f64>,
     /// Why this is expected.
     #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub reason: String,
+    pub(crate) reason: String,
 }
 
 /// A number from a publication.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Printed {
+pub(crate) struct Printed {
     /// Where it stands.
-    pub source: String,
+    pub(crate) source: String,
     /// The area here that comes nearest to the one there.
-    pub area: String,
+    pub(crate) area: String,
     /// The score here that comes nearest to the one there.
-    pub metric: String,
+    pub(crate) metric: String,
     /// The number.
-    pub value: f64,
+    pub(crate) value: f64,
     /// Its standard deviation, when printed.
-    pub sd: Option<f64>,
+    pub(crate) sd: Option<f64>,
     /// What makes the two hard to compare.
     #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub note: String,
+    pub(crate) note: String,
 }
 
 fn main_metrics() -> Vec<String> {
@@ -274,7 +275,7 @@ impl ExperimentSpec {
     /// # Panics
     /// Never: a checked experiment is plain data.
     #[must_use]
-    pub fn to_toml(&self) -> String {
+    pub(crate) fn to_toml(&self) -> String {
         toml::to_string(self).expect("an experiment is plain data")
     }
 
@@ -282,7 +283,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// When there is none of that name.
-    pub fn interpolator_names(&self) -> Result<Vec<String>> {
+    pub(crate) fn interpolator_names(&self) -> Result<Vec<String>> {
         let known: Vec<String> =
             Registry::default().interpolators().iter().map(|(name, _)| name.clone()).collect();
         if self.interpolators == ["all"] {
@@ -295,7 +296,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// As [`systems`](Self::systems).
-    pub fn uses(&self, style: &StyleSpec) -> Result<Vec<String>> {
+    pub(crate) fn uses(&self, style: &StyleSpec) -> Result<Vec<String>> {
         let known = style::names(&self.plans(style)?, style.detail.is_some());
         if style.systems.is_empty() {
             return Ok(known);
@@ -324,7 +325,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// When a key is unknown or a value is not allowed.
-    pub fn config_of(&self, style: &StyleSpec) -> Result<StyleConfig> {
+    pub(crate) fn config_of(&self, style: &StyleSpec) -> Result<StyleConfig> {
         let named = |e: Error| e.renamed(|name| format!("style {:?}, {name}", style.name));
         if let Some(config) = &style.config {
             if style.preset.is_some() || !style.set.is_empty() {
@@ -348,7 +349,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// As [`systems`](Self::systems).
-    pub fn highlighted(&self) -> Result<String> {
+    pub(crate) fn highlighted(&self) -> Result<String> {
         let first = || self.systems().map(|systems| systems[0].clone());
         self.highlight.clone().map_or_else(first, Ok)
     }
@@ -377,7 +378,7 @@ impl SketchSpec {
 impl StyleSpec {
     /// What a way to use the style is called in the scores.
     #[must_use]
-    pub fn label(&self, system: &str) -> String {
+    pub(crate) fn label(&self, system: &str) -> String {
         format!("{}{}", self.name, style::suffix(&Registry::default(), system))
     }
 }

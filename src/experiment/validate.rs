@@ -17,7 +17,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// When the file cannot be read or understood, or a value is not allowed; the message names file, key and value.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let text = file::read_text(path, LARGEST)?;
         let spec: Self = toml::from_str(&text).map_err(|e| {
             let said = e.to_string();
@@ -31,7 +31,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// Names the first key that is not allowed.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         validate(self)
     }
 }

@@ -60,7 +60,7 @@ impl Default for ExtractionConfig {
 impl ExtractionConfig {
     /// The paper's steps and nothing else: no smoothing, filled pits, no margin; where it gives no number, ours.
     #[must_use]
-    pub fn paper() -> Self {
+    pub(crate) fn paper() -> Self {
         Self { smoothing: 0.0, routing: Routing::Filled, margin: 0, ..Self::default() }
     }
 
@@ -68,7 +68,7 @@ impl ExtractionConfig {
     ///
     /// # Errors
     /// Names the first field that is out of range, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let check = |ok: bool, name: &str, value: &dyn std::fmt::Display, allowed: &str| {
             if ok {
                 Ok(())

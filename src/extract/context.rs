@@ -11,7 +11,7 @@ use crate::sketch::{LineMap, StrokeKind};
 ///
 /// # Errors
 /// When the window is empty or reaches past the frame.
-pub fn crop_lines(lines: &LineMap, window: Window, min_length: usize) -> Result<LineMap> {
+pub(crate) fn crop_lines(lines: &LineMap, window: Window, min_length: usize) -> Result<LineMap> {
     let kinds = lines.kinds().crop(window)?;
     let heights = lines.heights().crop(window)?;
     let mut cut = LineMap::empty(window.rows, window.cols);

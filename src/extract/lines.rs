@@ -19,11 +19,11 @@ const TOO_FEW_FOR_QUANTILE: usize = 20;
 
 /// Lines with what the flow knows about them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Extraction {
+pub(crate) struct Extraction {
     /// The lines, with the heights that were given (not the smoothed ones).
-    pub lines: LineMap,
+    pub(crate) lines: LineMap,
     /// Strahler order of each line cell in its own network (of valleys, or of ridges upside down); 0 off the lines.
-    pub orders: Grid<u8>,
+    pub(crate) orders: Grid<u8>,
 }
 
 /// Ridges and valleys of `heights` where `valid` is true; see [`extract`].
@@ -69,7 +69,8 @@ pub fn ridges_and_valleys_until(
 ///
 /// # Errors
 /// When `config` is out of range, shapes differ, a valid height is not finite, or no cell is valid.
-pub fn extract(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<Extraction> {
+#[cfg(test)]
+pub(crate) fn extract(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<Extraction> {
     let stop = &Stop::new();
     Drained::new(heights, valid, config, stop)?.lines(heights, config, stop)
 }

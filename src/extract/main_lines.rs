@@ -15,19 +15,19 @@ use rand_distr::StandardNormal;
 /// How main lines are found and drawn. Lengths are in cells.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct MainLinesConfig {
+pub(crate) struct MainLinesConfig {
     /// Standard deviation of the Gaussian that smooths the heights before routing, 0 to 100; strokes take its heights.
-    pub smoothing: f64,
+    pub(crate) smoothing: f64,
     /// A line cell drains at least this share of the map, above 0 to 1.
-    pub share: f64,
+    pub(crate) share: f64,
     /// Lines with fewer cells are left out, at least 2.
-    pub min_length: usize,
+    pub(crate) min_length: usize,
     /// Width of the strip along the frame that is cut off, where water follows the frame.
-    pub border: usize,
+    pub(crate) border: usize,
     /// A vertex is dropped when the line without it stays this near, at least 0.
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// Standard deviation by which vertices are moved along each axis, 0 to 100.
-    pub jitter: f64,
+    pub(crate) jitter: f64,
 }
 
 impl Default for MainLinesConfig {
@@ -41,7 +41,7 @@ impl MainLinesConfig {
     ///
     /// # Errors
     /// Names the first field that is out of range, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let check = |ok: bool, name: &str, value: &dyn std::fmt::Display, allowed: &str| {
             if ok { Ok(()) } else { Err(Error::value(format!("main_lines.{name}"), value, allowed)) }
         };
@@ -65,11 +65,11 @@ impl MainLinesConfig {
 
 /// The main lines of a map, longest first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MainLines {
+pub(crate) struct MainLines {
     /// Valleys.
-    pub valleys: Vec<Stroke>,
+    pub(crate) valleys: Vec<Stroke>,
     /// Ridges.
-    pub ridges: Vec<Stroke>,
+    pub(crate) ridges: Vec<Stroke>,
 }
 
 impl MainLines {
@@ -77,7 +77,7 @@ impl MainLines {
     ///
     /// # Errors
     /// When `config` is out of range, shapes differ, a valid height is not finite, or no cell is valid.
-    pub fn of(
+    pub(crate) fn of(
         heights: &Grid<f32>,
         valid: &Mask,
         config: &MainLinesConfig,

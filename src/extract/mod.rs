@@ -7,14 +7,19 @@ mod context;
 mod lines;
 mod main_lines;
 mod network;
-pub mod random;
+pub(crate) mod random;
 mod relief;
 #[cfg(test)]
 mod tests;
 mod variants;
 
-pub use config::{ExtractionConfig, Routing};
-pub use context::crop_lines;
-pub use lines::{Extraction, extract, ridges_and_valleys, ridges_and_valleys_until};
-pub use main_lines::{MainLines, MainLinesConfig};
-pub use variants::variants;
+pub use config::ExtractionConfig;
+pub(crate) use config::Routing;
+pub(crate) use context::crop_lines;
+#[cfg(test)]
+pub(crate) use lines::Extraction;
+#[cfg(test)]
+pub(crate) use lines::extract;
+pub use lines::{ridges_and_valleys, ridges_and_valleys_until};
+pub(crate) use main_lines::{MainLines, MainLinesConfig};
+pub(crate) use variants::variants;

@@ -23,16 +23,16 @@ use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 /// How many random lines, how close and how high.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct RandomSketchConfig {
+pub(crate) struct RandomSketchConfig {
     /// Number of ridge nodes, n in the paper (which names no number); 0 adds nothing. The default of 40 suits 128x128
     /// cells: ridges about 13 cells long.
-    pub nodes: usize,
+    pub(crate) nodes: usize,
     /// Least distance of a random line from a drawn stroke, and of a random valley from a random ridge, in cells; with 0
     /// they merely do not touch, as in the paper.
-    pub clearance: f64,
+    pub(crate) clearance: f64,
     /// Heights (low, high) that the unit interval stands for, in the unit of the sketch; without it the lowest and the
     /// highest drawn vertex.
-    pub height_range: Option<(f64, f64)>,
+    pub(crate) height_range: Option<(f64, f64)>,
 }
 
 impl Default for RandomSketchConfig {
@@ -43,12 +43,12 @@ impl Default for RandomSketchConfig {
 
 impl RandomSketchConfig {
     /// The most nodes that are accepted.
-    pub const MOST_NODES: usize = 100_000;
+    pub(crate) const MOST_NODES: usize = 100_000;
 
     /// # Errors
     /// When there are too many nodes, the clearance is negative or not finite, or the height range is not two finite
     /// heights, the lower one first.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         if self.nodes > Self::MOST_NODES {
             let allowed = format!("allowed: 0 to {}", Self::MOST_NODES);
             return Err(Error::value("random.nodes", self.nodes, allowed));
@@ -75,7 +75,7 @@ impl RandomSketchConfig {
 /// # Errors
 /// When the sketch or the configuration is not valid, or no height range is given and the sketch has none (no stroke, or
 /// all on one level).
-pub fn enhance(sketch: &Sketch, config: &RandomSketchConfig, seed: Seed) -> Result<Sketch> {
+pub(crate) fn enhance(sketch: &Sketch, config: &RandomSketchConfig, seed: Seed) -> Result<Sketch> {
     sketch.validate()?;
     config.validate()?;
     if config.nodes == 0 {
@@ -100,7 +100,7 @@ pub fn enhance(sketch: &Sketch, config: &RandomSketchConfig, seed: Seed) -> Resu
 ///
 /// # Errors
 /// When the sketch or the configuration is not valid, the relief is negative or not finite, or the surface has another shape.
-pub fn enhance_around(
+pub(crate) fn enhance_around(
     sketch: &Sketch,
     config: &RandomSketchConfig,
     surface: &Grid<f64>,

@@ -32,7 +32,7 @@ pub fn accumulate(directions: &FlowDirections) -> Accumulation {
 /// # Panics
 /// When the shapes differ.
 #[must_use]
-pub fn accumulate_from(directions: &FlowDirections, sources: &Mask) -> Accumulation {
+pub(crate) fn accumulate_from(directions: &FlowDirections, sources: &Mask) -> Accumulation {
     assert_eq!(directions.shape(), sources.shape(), "one source cell for each direction");
     let sources = sources.as_slice();
     count(directions, |i| sources[i])

@@ -1,5 +1,6 @@
 //! Where the water of each cell goes next.
 
+#[cfg(test)]
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid, d8};
 
@@ -35,7 +36,8 @@ impl FlowDirections {
     ///
     /// # Errors
     /// When a code is not 0 to 7, a direction leaves the frame or enters a void, or the directions run in a circle.
-    pub fn from_flows(flows: &Grid<Flow>) -> Result<Self> {
+    #[cfg(test)]
+    pub(crate) fn from_flows(flows: &Grid<Flow>) -> Result<Self> {
         let (rows, cols) = flows.shape();
         for (cell, &flow) in flows.cells() {
             if let Flow::Towards(code) = flow {
@@ -75,7 +77,7 @@ impl FlowDirections {
 
     /// (rows, columns).
     #[must_use]
-    pub fn shape(&self) -> (usize, usize) {
+    pub(crate) fn shape(&self) -> (usize, usize) {
         self.codes.shape()
     }
 
@@ -97,7 +99,7 @@ impl FlowDirections {
     /// # Panics
     /// When `cell` lies outside the frame.
     #[must_use]
-    pub fn receiver(&self, cell: Cell) -> Option<Cell> {
+    pub(crate) fn receiver(&self, cell: Cell) -> Option<Cell> {
         self.receiver_index(self.codes.index_of(cell)).map(|i| self.codes.cell_at(i))
     }
 

@@ -12,7 +12,7 @@ use crate::grid::{Grid, d8};
 use std::collections::VecDeque;
 
 /// Least depth of a pond, relative to the relief.
-pub const POND_DEPTH: f32 = 1e-3;
+pub(crate) const POND_DEPTH: f32 = 1e-3;
 
 /// A surface without pits: from every valid cell a path that never rises leads to an outlet.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub struct FilledDem {
 impl FilledDem {
     /// Heights, nowhere below those of the surface; meaningless at voids.
     #[must_use]
-    pub fn heights(&self) -> &Grid<f32> {
+    pub(crate) fn heights(&self) -> &Grid<f32> {
         &self.heights
     }
 }
@@ -63,7 +63,7 @@ pub fn fill(surface: &Surface) -> FilledDem {
 
 /// Share of the valid cells that lie in ponds: those that filling raises by more than a thousandth of the relief.
 #[must_use]
-pub fn ponded_share(surface: &Surface) -> f64 {
+pub(crate) fn ponded_share(surface: &Surface) -> f64 {
     let filled = fill(surface);
     let cells = surface.heights().as_slice().iter().zip(filled.heights.as_slice());
     let cells = cells.zip(surface.valid().as_slice()).filter(|(_, ok)| **ok).map(|(heights, _)| heights);

@@ -12,7 +12,7 @@ use crate::grid::{Cell, Grid, Mask, d8};
 /// # Panics
 /// When the shapes differ.
 #[must_use]
-pub fn main_stems(directions: &FlowDirections, accumulation: &Accumulation, region: &Mask) -> Mask {
+pub(crate) fn main_stems(directions: &FlowDirections, accumulation: &Accumulation, region: &Mask) -> Mask {
     let (rows, cols) = directions.shape();
     assert_eq!((rows, cols), region.shape(), "one region cell for each direction");
     let counts = accumulation.counts();

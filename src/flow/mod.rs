@@ -22,10 +22,13 @@ mod surface;
 #[cfg(test)]
 mod tests;
 
-pub use accumulation::{Accumulation, accumulate, accumulate_from};
+pub use accumulation::accumulate;
+pub(crate) use accumulation::{Accumulation, accumulate_from};
 pub use directions::{Flow, FlowDirections};
-pub use fill::{FilledDem, POND_DEPTH, d8, fill, ponded_share};
-pub use main_stem::main_stems;
-pub use routing::{Drainage, Role, drain, route, route_until};
-pub use strahler::{StrahlerOrder, strahler};
+pub(crate) use fill::{POND_DEPTH, ponded_share};
+pub use fill::{d8, fill};
+pub(crate) use main_stem::main_stems;
+pub use routing::route;
+pub(crate) use routing::{Drainage, Role, drain, route_until};
+pub use strahler::strahler;
 pub use surface::Surface;

@@ -34,7 +34,7 @@ pub fn route(surface: &Surface) -> FlowDirections {
 ///
 /// # Errors
 /// When it is stopped.
-pub fn route_until(surface: &Surface, stop: &Stop) -> Result<FlowDirections> {
+pub(crate) fn route_until(surface: &Surface, stop: &Stop) -> Result<FlowDirections> {
     let mut flood = Flood::new(surface, |_| false);
     spread(&mut flood, |_| false, |_, _, slope| slope, |_| {}, stop)?;
     Ok(FlowDirections::from_codes(flood.directions()))
@@ -42,7 +42,7 @@ pub fn route_until(surface: &Surface, stop: &Stop) -> Result<FlowDirections> {
 
 /// What a cell is to water on its way to chosen bases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Role {
+pub(crate) enum Role {
     /// Drains.
     #[default]
     Ground,
@@ -54,7 +54,7 @@ pub enum Role {
 
 /// Drainage to chosen bases.
 #[derive(Clone, Debug)]
-pub struct Drainage {
+pub(crate) struct Drainage {
     directions: FlowDirections,
     order: Vec<u32>,
 }
@@ -62,14 +62,15 @@ pub struct Drainage {
 impl Drainage {
     /// Where each cell drains: [`Flow::Out`](super::Flow::Out) at outlets and bases.
     #[must_use]
-    pub fn directions(&self) -> &FlowDirections {
+    #[cfg(test)]
+    pub(crate) fn directions(&self) -> &FlowDirections {
         &self.directions
     }
 
     /// Positions (row by row) of all valid cells in the order in which the flood came: every cell after its receiver, and
     /// roughly from low to high.
     #[must_use]
-    pub fn order(&self) -> &[u32] {
+    pub(crate) fn order(&self) -> &[u32] {
         &self.order
     }
 
@@ -78,7 +79,7 @@ impl Drainage {
     /// # Panics
     /// When `index` lies outside the raster.
     #[must_use]
-    pub fn receiver(&self, index: usize) -> Option<usize> {
+    pub(crate) fn receiver(&self, index: usize) -> Option<usize> {
         self.directions.receiver_index(index)
     }
 
@@ -86,7 +87,7 @@ impl Drainage {
     ///
     /// # Panics
     /// When there is not one value for each cell.
-    pub fn gather(&self, values: &mut [f32]) {
+    pub(crate) fn gather(&self, values: &mut [f32]) {
         let (rows, cols) = self.directions.shape();
         assert_eq!(values.len(), rows * cols, "one value for each cell");
         for &cell in self.order.iter().rev() {
@@ -103,7 +104,7 @@ impl Drainage {
 ///
 /// # Errors
 /// When `roles` or `preferences` have another shape than the surface, or when it is stopped.
-pub fn drain(
+pub(crate) fn drain(
     surface: &Surface,
     roles: &Grid<Role>,
     preferences: Option<&Grid<[f32; 8]>>,

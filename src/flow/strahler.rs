@@ -10,13 +10,13 @@ pub struct StrahlerOrder(Grid<u8>);
 impl StrahlerOrder {
     /// Orders.
     #[must_use]
-    pub fn orders(&self) -> &Grid<u8> {
+    pub(crate) fn orders(&self) -> &Grid<u8> {
         &self.0
     }
 
     /// Cells of at least this order.
     #[must_use]
-    pub fn at_least(&self, order: u8) -> Mask {
+    pub(crate) fn at_least(&self, order: u8) -> Mask {
         self.0.map(|&o| o >= order.max(1))
     }
 }

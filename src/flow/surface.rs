@@ -34,7 +34,7 @@ impl Surface {
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn check(heights: &Grid<f32>, valid: &Mask) -> Result<()> {
+    pub(crate) fn check(heights: &Grid<f32>, valid: &Mask) -> Result<()> {
         if heights.shape() != valid.shape() {
             return Err(Error::value(
                 "void mask",
@@ -59,7 +59,7 @@ impl Surface {
 
     /// The same surface upside down: its valleys are the ridges of this one.
     #[must_use]
-    pub fn inverted(&self) -> Self {
+    pub(crate) fn inverted(&self) -> Self {
         Self {
             heights: self.heights.map(|z| -z),
             valid: self.valid.clone(),
@@ -69,25 +69,25 @@ impl Surface {
 
     /// Heights; meaningless at voids.
     #[must_use]
-    pub fn heights(&self) -> &Grid<f32> {
+    pub(crate) fn heights(&self) -> &Grid<f32> {
         &self.heights
     }
 
     /// True where a height is known.
     #[must_use]
-    pub fn valid(&self) -> &Mask {
+    pub(crate) fn valid(&self) -> &Mask {
         &self.valid
     }
 
     /// (rows, columns).
     #[must_use]
-    pub fn shape(&self) -> (usize, usize) {
+    pub(crate) fn shape(&self) -> (usize, usize) {
         self.heights.shape()
     }
 
     /// The cells whose eight neighbours all have exactly their height; `None` when there are none.
     #[must_use]
-    pub fn flats(&self) -> Option<Mask> {
+    pub(crate) fn flats(&self) -> Option<Mask> {
         self.flat_depth.as_ref().map(|depth| depth.map(|&d| d > 0))
     }
 

@@ -6,7 +6,7 @@ use super::{Grid, Mask, d8};
 
 /// The 8-connected pieces of a mask.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Components {
+pub(crate) struct Components {
     labels: Grid<Option<u32>>,
     sizes: Vec<usize>,
 }
@@ -14,7 +14,7 @@ pub struct Components {
 impl Components {
     /// Finds the pieces of `mask`.
     #[must_use]
-    pub fn of(mask: &Mask) -> Self {
+    pub(crate) fn of(mask: &Mask) -> Self {
         let (rows, cols) = mask.shape();
         let mut labels = Grid::filled(rows, cols, None);
         let mut sizes = Vec::new();
@@ -43,25 +43,25 @@ impl Components {
 
     /// The piece of each cell; `None` off the mask.
     #[must_use]
-    pub fn labels(&self) -> &Grid<Option<u32>> {
+    pub(crate) fn labels(&self) -> &Grid<Option<u32>> {
         &self.labels
     }
 
     /// Number of pieces.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.sizes.len()
     }
 
     /// Cells in each piece, by label.
     #[must_use]
-    pub fn sizes(&self) -> &[usize] {
+    pub(crate) fn sizes(&self) -> &[usize] {
         &self.sizes
     }
 
     /// True at the cells of the pieces for which `keep(label)` holds.
     #[must_use]
-    pub fn select(&self, mut keep: impl FnMut(usize) -> bool) -> Mask {
+    pub(crate) fn select(&self, mut keep: impl FnMut(usize) -> bool) -> Mask {
         let kept: Vec<bool> = (0..self.count()).map(&mut keep).collect();
         self.labels.map(|label| label.is_some_and(|l| kept[l as usize]))
     }

@@ -6,24 +6,24 @@
 use super::Cell;
 
 /// (row, column) offsets by code.
-pub const OFFSETS: [(isize, isize); 8] =
+pub(crate) const OFFSETS: [(isize, isize); 8] =
     [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)];
 
 /// Distance to the neighbour by code, in cells.
-pub const DISTANCES: [f64; 8] = {
+pub(crate) const DISTANCES: [f64; 8] = {
     let d = std::f64::consts::SQRT_2;
     [1.0, d, 1.0, d, 1.0, d, 1.0, d]
 };
 
 /// The code of the direction that points back.
 #[must_use]
-pub const fn opposite(code: u8) -> u8 {
+pub(crate) const fn opposite(code: u8) -> u8 {
     (code + 4) % 8
 }
 
 /// The code of the step from `a` to `b`, or `None` when the cells are equal or not adjacent.
 #[must_use]
-pub fn code_between(a: Cell, b: Cell) -> Option<u8> {
+pub(crate) fn code_between(a: Cell, b: Cell) -> Option<u8> {
     let step = (b.row.wrapping_sub(a.row) as isize, b.col.wrapping_sub(a.col) as isize);
     OFFSETS.iter().position(|&o| o == step).map(|i| i as u8)
 }

@@ -7,7 +7,7 @@ use super::{Grid, Mask};
 use rayon::prelude::*;
 
 /// Squared distance that stands for "there is no such cell".
-pub const NOWHERE: u32 = u32::MAX;
+pub(crate) const NOWHERE: u32 = u32::MAX;
 
 /// Squared distance from every cell to the nearest true cell of `mask`, centre to centre, in cells; [`NOWHERE`]
 /// everywhere when the mask is empty.
@@ -15,7 +15,7 @@ pub const NOWHERE: u32 = u32::MAX;
 /// # Panics
 /// When a side has more than 32,768 cells (the square of the diagonal would not fit).
 #[must_use]
-pub fn squared(mask: &Mask) -> Grid<u32> {
+pub(crate) fn squared(mask: &Mask) -> Grid<u32> {
     let (rows, cols) = mask.shape();
     assert!(rows.max(cols) <= 1 << 15, "sides up to 32,768 cells");
     let mut out = Grid::filled(rows, cols, NOWHERE);

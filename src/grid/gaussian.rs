@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// # Panics
 /// When the shapes differ, or `sigma` is negative or not finite.
 #[must_use]
-pub fn smooth(values: &Grid<f32>, valid: &Mask, sigma: f64) -> Grid<f32> {
+pub(crate) fn smooth(values: &Grid<f32>, valid: &Mask, sigma: f64) -> Grid<f32> {
     assert_eq!(values.shape(), valid.shape(), "one mask cell for each value");
     assert!(sigma.is_finite() && sigma >= 0.0, "sigma is finite and not negative");
     let kernel = half_kernel(sigma);

@@ -4,18 +4,18 @@
 //! Row-major, row 0 is north, column 0 is west.
 
 mod cell;
-pub mod components;
+pub(crate) mod components;
 pub mod d8;
-pub mod distance;
-pub mod gaussian;
-pub mod morphology;
-pub mod pyramid;
-pub mod resample;
+pub(crate) mod distance;
+pub(crate) mod gaussian;
+pub(crate) mod morphology;
+pub(crate) mod pyramid;
+pub(crate) mod resample;
 mod raster;
-pub mod thinning;
+pub(crate) mod thinning;
 mod window;
 
 pub use cell::Cell;
-pub use components::Components;
+pub(crate) use components::Components;
 pub use raster::{Grid, Mask};
 pub use window::Window;

@@ -8,19 +8,19 @@ use rayon::prelude::*;
 
 /// True where any cell within `radius` rows and columns is true.
 #[must_use]
-pub fn dilate(mask: &Mask, radius: usize) -> Mask {
+pub(crate) fn dilate(mask: &Mask, radius: usize) -> Mask {
     separable(mask, radius, |count, _| count > 0)
 }
 
 /// True where every cell within `radius` rows and columns is true.
 #[must_use]
-pub fn erode(mask: &Mask, radius: usize) -> Mask {
+pub(crate) fn erode(mask: &Mask, radius: usize) -> Mask {
     separable(mask, radius, |count, window| count == window)
 }
 
 /// Dilation, then erosion: bridges gaps up to 2 `radius` cells wide; never removes a cell.
 #[must_use]
-pub fn close(mask: &Mask, radius: usize) -> Mask {
+pub(crate) fn close(mask: &Mask, radius: usize) -> Mask {
     if radius == 0 { mask.clone() } else { erode(&dilate(mask, radius), radius) }
 }
 

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// # Panics
 /// When a side is less than 2.
 #[must_use]
-pub fn halved(raster: &Grid<f32>) -> Grid<f32> {
+pub(crate) fn halved(raster: &Grid<f32>) -> Grid<f32> {
     let (rows, cols, wide) = (raster.rows() / 2, raster.cols() / 2, raster.cols());
     assert!(rows > 0 && cols > 0, "a raster of at least 2x2 cells");
     let mut out = Grid::filled(rows, cols, 0.0);
@@ -53,7 +53,7 @@ pub(crate) fn shrunk(raster: &Grid<f32>, factor: usize) -> Grid<f32> {
 /// # Panics
 /// When a side is less than 2.
 #[must_use]
-pub fn halved_mask(mask: &Mask) -> Mask {
+pub(crate) fn halved_mask(mask: &Mask) -> Mask {
     Grid::from_fn(mask.rows() / 2, mask.cols() / 2, |c| {
         let at = |down: usize, right: usize| mask[Cell::new(2 * c.row + down, 2 * c.col + right)];
         at(0, 0) && at(0, 1) && at(1, 0) && at(1, 1)
@@ -62,7 +62,7 @@ pub fn halved_mask(mask: &Mask) -> Mask {
 
 /// The raster at twice the size.
 #[must_use]
-pub fn doubled(raster: &Grid<f32>) -> Grid<f32> {
+pub(crate) fn doubled(raster: &Grid<f32>) -> Grid<f32> {
     resample(raster, 2 * raster.rows(), 2 * raster.cols())
 }
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// The matrices between two sizes.
 #[derive(Clone, Debug)]
-pub struct Resampling {
+pub(crate) struct Resampling {
     rows: Axis,
     cols: Axis,
 }
@@ -72,7 +72,7 @@ impl Resampling {
     /// # Panics
     /// When a side is 0.
     #[must_use]
-    pub fn new(from: (usize, usize), to: (usize, usize)) -> Self {
+    pub(crate) fn new(from: (usize, usize), to: (usize, usize)) -> Self {
         assert!(from.0 * from.1 * to.0 * to.1 > 0, "a raster has at least one cell");
         Self { rows: Axis::new(from.0, to.0), cols: Axis::new(from.1, to.1) }
     }
@@ -91,7 +91,7 @@ impl Resampling {
     /// # Panics
     /// When `raster` has not the size to resample from.
     #[must_use]
-    pub fn apply(&self, raster: &Grid<f32>) -> Grid<f32> {
+    pub(crate) fn apply(&self, raster: &Grid<f32>) -> Grid<f32> {
         assert_eq!(raster.shape(), (self.rows.from, self.cols.from), "the size to resample from");
         let (from_cols, cols) = (self.cols.from, self.cols.taps.len());
         let mut wide = vec![0.0; self.rows.from * cols];
@@ -116,7 +116,8 @@ impl Resampling {
     /// # Panics
     /// When `raster` has not the size that [`apply`](Self::apply) gives.
     #[must_use]
-    pub fn adjoint(&self, raster: &Grid<f32>) -> Grid<f32> {
+    #[cfg(test)]
+    pub(crate) fn adjoint(&self, raster: &Grid<f32>) -> Grid<f32> {
         let cols = self.cols.taps.len();
         assert_eq!(raster.shape(), (self.rows.taps.len(), cols), "the size that was resampled to");
         let mut wide = vec![0.0; self.rows.from * cols];
@@ -144,7 +145,7 @@ impl Resampling {
 /// # Panics
 /// When a side is 0.
 #[must_use]
-pub fn resample(raster: &Grid<f32>, rows: usize, cols: usize) -> Grid<f32> {
+pub(crate) fn resample(raster: &Grid<f32>, rows: usize, cols: usize) -> Grid<f32> {
     Resampling::new(raster.shape(), (rows, cols)).apply(raster)
 }
 

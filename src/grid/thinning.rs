@@ -13,7 +13,7 @@ use super::{Grid, Mask};
 /// Past the frame counts as empty. Turning the input by 90 degrees turns the result up to the choice between two equally
 /// central cells.
 #[must_use]
-pub fn thin(mask: &Mask) -> Mask {
+pub(crate) fn thin(mask: &Mask) -> Mask {
     let (rows, cols) = mask.shape();
     let stride = cols + 2;
     let mut on = vec![false; (rows + 2) * stride];
@@ -51,7 +51,8 @@ pub fn thin(mask: &Mask) -> Mask {
 /// Whether the cell whose neighbours (by D8 code, bit 0 = east) are `neighbours` can go: its going changes no topology and
 /// it ends no line.
 #[must_use]
-pub const fn is_redundant(neighbours: u8) -> bool {
+#[cfg(test)]
+pub(crate) const fn is_redundant(neighbours: u8) -> bool {
     REDUNDANT[neighbours as usize]
 }
 

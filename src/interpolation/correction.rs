@@ -25,7 +25,7 @@ pub enum CorrectionKind {
 
 /// The correction for one sketch, ready for any number of terrains.
 #[derive(Clone, Debug)]
-pub struct Correction {
+pub(crate) struct Correction {
     lines: Mask,
     heights: Grid<f32>,
     extension: Extension,
@@ -42,7 +42,7 @@ impl Correction {
     ///
     /// # Errors
     /// When there is no line cell.
-    pub fn new(kind: CorrectionKind, lines: &LineMap) -> Result<Self> {
+    pub(crate) fn new(kind: CorrectionKind, lines: &LineMap) -> Result<Self> {
         let mask = lines.mask();
         if lines.line_count() == 0 {
             return Err(Error::value("number of line cells", 0, "the correction needs at least one"));
@@ -60,7 +60,7 @@ impl Correction {
     ///
     /// # Errors
     /// When the shapes differ or a height of `terrain` is not finite.
-    pub fn apply(&self, terrain: &Grid<f32>) -> Result<Grid<f32>> {
+    pub(crate) fn apply(&self, terrain: &Grid<f32>) -> Result<Grid<f32>> {
         self.apply_until(terrain, &Stop::new())
     }
 
@@ -68,7 +68,7 @@ impl Correction {
     ///
     /// # Errors
     /// As there, and when it is stopped.
-    pub fn apply_until(&self, terrain: &Grid<f32>, stop: &Stop) -> Result<Grid<f32>> {
+    pub(crate) fn apply_until(&self, terrain: &Grid<f32>, stop: &Stop) -> Result<Grid<f32>> {
         if terrain.shape() != self.lines.shape() {
             return Err(Error::value(
                 "terrain to correct",

@@ -20,7 +20,7 @@ use spade::{DelaunayTriangulation, Point2, Triangulation};
 ///
 /// # Panics
 /// Never: the coordinates are small whole numbers, which a triangulation always accepts.
-pub fn delaunay_linear(lines: &LineMap) -> Result<Grid<f32>> {
+pub(crate) fn delaunay_linear(lines: &LineMap) -> Result<Grid<f32>> {
     let line_cells = LineCells::of(lines)?;
     let points = line_cells.cells.iter().map(|c| Point2::new(c.col as f64, c.row as f64)).collect();
     let triangles = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(points)

@@ -7,7 +7,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 /// The line cells of a sketch and a tree to find them.
-pub struct LineCells<'a> {
+pub(crate) struct LineCells<'a> {
     lines: &'a LineMap,
     pub(crate) tree: ImmutableKdTree<f64, 2>,
     pub(crate) cells: Vec<Cell>,
@@ -19,7 +19,7 @@ impl<'a> LineCells<'a> {
     ///
     /// # Errors
     /// When there is no line cell.
-    pub fn of(lines: &'a LineMap) -> Result<Self> {
+    pub(crate) fn of(lines: &'a LineMap) -> Result<Self> {
         let cells: Vec<Cell> =
             lines.kinds().cells().filter(|(_, kind)| kind.is_some()).map(|(c, _)| c).collect();
         if cells.is_empty() {
@@ -35,7 +35,7 @@ impl<'a> LineCells<'a> {
 
     /// Height of the line cell that is nearest to `cell`; the first in row-major order of equally near ones.
     #[must_use]
-    pub fn nearest(&self, cell: Cell) -> f32 {
+    pub(crate) fn nearest(&self, cell: Cell) -> f32 {
         let here = position(cell);
         let first = self.tree.query(&here).nearest_one::<SquaredEuclidean<f64>>().execute();
         // Squared distances are whole numbers, so equal ones are equal to the bit.

@@ -4,16 +4,16 @@
 mod correction;
 mod delaunay;
 pub mod height_model;
-pub mod line_cells;
+pub(crate) mod line_cells;
 mod multigrid;
 mod natural_neighbour;
 mod screened_poisson;
 mod smooth_surface;
 mod sparse_matrix;
 
-pub use correction::{Correction, CorrectionKind};
-pub use delaunay::delaunay_linear;
+pub(crate) use correction::{Correction, CorrectionKind};
+pub(crate) use delaunay::delaunay_linear;
 pub use natural_neighbour::{NaturalNeighbours, natural_neighbour_weights};
-pub use screened_poisson::{Gradients, ScreenedPoisson};
+pub(crate) use screened_poisson::{Gradients, ScreenedPoisson};
 pub use smooth_surface::{biharmonic, biharmonic_until, harmonic, harmonic_until};
-pub use sparse_matrix::SparseMatrix;
+pub(crate) use sparse_matrix::SparseMatrix;

@@ -124,7 +124,7 @@ impl NaturalNeighbours {
     /// # Panics
     /// When there are more than 2^32 weights.
     #[must_use]
-    pub fn weights(&self) -> SparseMatrix {
+    pub(crate) fn weights(&self) -> SparseMatrix {
         self.weights_until(&Stop::new()).expect("nobody stops it")
     }
 
@@ -135,7 +135,7 @@ impl NaturalNeighbours {
     ///
     /// # Panics
     /// As there.
-    pub fn weights_until(&self, stop: &Stop) -> Result<SparseMatrix> {
+    pub(crate) fn weights_until(&self, stop: &Stop) -> Result<SparseMatrix> {
         let by_row: Vec<(Vec<u32>, Vec<u32>, Vec<f32>)> = (0..self.rows)
             .into_par_iter()
             .map_init(

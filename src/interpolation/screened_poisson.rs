@@ -14,17 +14,17 @@ const TOLERANCE: f64 = 1e-6;
 
 /// Differences between neighbouring cells, wherever they come from: they need not be those of any surface.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Gradients {
+pub(crate) struct Gradients {
     /// Height of the cell to the east minus that of the cell; the last column is not read.
-    pub east: Grid<f32>,
+    pub(crate) east: Grid<f32>,
     /// Height of the cell to the south minus that of the cell; the last row is not read.
-    pub south: Grid<f32>,
+    pub(crate) south: Grid<f32>,
 }
 
 impl Gradients {
     /// Those of a surface.
     #[must_use]
-    pub fn of(heights: &Grid<f32>) -> Self {
+    pub(crate) fn of(heights: &Grid<f32>) -> Self {
         let (rows, cols) = heights.shape();
         let to = |c: Cell, row: usize, col: usize| {
             if row < rows && col < cols { heights[Cell::new(row, col)] - heights[c] } else { 0.0 }
@@ -37,13 +37,13 @@ impl Gradients {
 
     /// All of them times `factor`.
     #[must_use]
-    pub fn scaled(&self, factor: f32) -> Self {
+    pub(crate) fn scaled(&self, factor: f32) -> Self {
         Self { east: self.east.map(|g| factor * g), south: self.south.map(|g| factor * g) }
     }
 
     /// Mean length over the cells that have both differences; 0 where there is none.
     #[must_use]
-    pub fn mean_length(&self) -> f64 {
+    pub(crate) fn mean_length(&self) -> f64 {
         let (rows, cols) = self.east.shape();
         let mut sum = 0.0;
         for row in 0..rows - 1 {
@@ -56,7 +56,7 @@ impl Gradients {
 }
 
 /// The equation for fixed weights, ready for any number of gradients and targets.
-pub struct ScreenedPoisson {
+pub(crate) struct ScreenedPoisson {
     held: Held,
     weights: Grid<f64>,
 }
@@ -66,7 +66,7 @@ impl ScreenedPoisson {
     ///
     /// # Errors
     /// When a weight is negative or not finite, or all are 0.
-    pub fn new(weights: Grid<f64>, stop: &Stop) -> Result<Self> {
+    pub(crate) fn new(weights: Grid<f64>, stop: &Stop) -> Result<Self> {
         if let Some((cell, w)) = weights.cells().find(|(_, w)| !(w.is_finite() && **w >= 0.0)) {
             let name = format!("screen weight at row {}, column {}", cell.row, cell.col);
             return Err(Error::value(name, w, "allowed: finite, at least 0"));
@@ -81,7 +81,7 @@ impl ScreenedPoisson {
     ///
     /// # Errors
     /// When shapes differ, a gradient or target is not finite, or the work is stopped.
-    pub fn solve(
+    pub(crate) fn solve(
         &mut self,
         gradients: &Gradients,
         targets: &Grid<f64>,

@@ -25,7 +25,7 @@ impl SparseMatrix {
     /// When the arrays do not describe a `rows` x `cols` matrix whose columns strictly rise inside each row: they are
     /// always made by this program.
     #[must_use]
-    pub fn from_compressed_rows(
+    pub(crate) fn from_compressed_rows(
         rows: usize,
         cols: usize,
         offsets: Vec<u32>,
@@ -47,7 +47,8 @@ impl SparseMatrix {
 
     /// Number of rows.
     #[must_use]
-    pub const fn rows(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) const fn rows(&self) -> usize {
         self.rows
     }
 
@@ -57,36 +58,11 @@ impl SparseMatrix {
         self.cols
     }
 
-    /// Number of stored entries.
-    #[must_use]
-    pub fn entries(&self) -> usize {
-        self.values.len()
-    }
-
-    /// Where each row starts in [`indices`](Self::indices) and [`values`](Self::values), and where the last ends:
-    /// `rows + 1` numbers.
-    #[must_use]
-    pub fn offsets(&self) -> &[u32] {
-        &self.offsets
-    }
-
-    /// The column of every entry, row by row.
-    #[must_use]
-    pub fn indices(&self) -> &[u32] {
-        &self.indices
-    }
-
-    /// The value of every entry, row by row.
-    #[must_use]
-    pub fn values(&self) -> &[f32] {
-        &self.values
-    }
-
     /// The entries of one row as (column, value).
     ///
     /// # Panics
     /// When there is no such row.
-    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
+    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
         let span = self.offsets[row] as usize..self.offsets[row + 1] as usize;
         self.indices[span.clone()].iter().zip(&self.values[span]).map(|(&c, &v)| (c as usize, v))
     }
@@ -106,7 +82,7 @@ impl SparseMatrix {
     ///
     /// # Panics
     /// When the length of `x` is not `cols` or that of `out` is not `rows`.
-    pub fn product_into(&self, x: &[f32], out: &mut [f32]) {
+    pub(crate) fn product_into(&self, x: &[f32], out: &mut [f32]) {
         assert_eq!(x.len(), self.cols, "the vector has one number a column");
         assert_eq!(out.len(), self.rows, "the answer has one number a row");
         out.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(task, out)| {
@@ -121,7 +97,7 @@ impl SparseMatrix {
 
     /// Rows as columns. The gradient of a product is the transpose's product with the gradient of its answer.
     #[must_use]
-    pub fn transpose(&self) -> Self {
+    pub(crate) fn transpose(&self) -> Self {
         let mut offsets = vec![0u32; self.cols + 1];
         for &c in &self.indices {
             offsets[c as usize + 1] += 1;

@@ -19,11 +19,11 @@ const FALL: f32 = 1e-6;
 #[serde(deny_unknown_fields, default)]
 pub struct BreachConfig {
     /// Deepest cut of each pass, relative to the relief.
-    pub depths: Vec<f32>,
+    pub(crate) depths: Vec<f32>,
     /// Longest cut, cells.
-    pub longest: usize,
+    pub(crate) longest: usize,
     /// Passes end when less than this share of the cells lies in ponds; 0 runs all of them.
-    pub pit_share: f64,
+    pub(crate) pit_share: f64,
 }
 
 impl Default for BreachConfig {
@@ -52,7 +52,7 @@ pub struct Breached {
     /// Share of the cells in ponds now.
     pub pits_after: f64,
     /// Number of cuts.
-    pub cuts: usize,
+    pub(crate) cuts: usize,
 }
 
 /// Cuts the dams of `heights`. Line cells keep their heights to the bit.

@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 /// One resolution of the solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Level {
+pub(crate) struct Level {
     /// Cells of the map along the side of a cell: 1, 2 or 4.
-    pub factor: usize,
+    pub(crate) factor: usize,
     /// Steps of the iteration.
-    pub iterations: usize,
+    pub(crate) iterations: usize,
 }
 
 /// How a landscape is solved. Lengths are in cells of the map.
@@ -18,17 +18,17 @@ pub struct Level {
 #[serde(deny_unknown_fields, default)]
 pub struct LandscapeConfig {
     /// From coarse to fine.
-    pub levels: Vec<Level>,
+    pub(crate) levels: Vec<Level>,
     /// Hillslopes end where this many cells of the exemplar drain through a cell.
-    pub channel_head: f64,
+    pub(crate) channel_head: f64,
     /// Standard deviation of the smoothing that stands for creep on hillslopes.
-    pub creep: f64,
+    pub(crate) creep: f64,
     /// Spread of the preferences by which a cell chooses its receiver (ln).
-    pub scatter: f64,
+    pub(crate) scatter: f64,
     /// Spread of ln k between the lines, relative to the exemplar's.
-    pub variety: f64,
+    pub(crate) variety: f64,
     /// Height of the first surface's relief between the lines, relative to the room between ridges and valleys.
-    pub amplitude: f64,
+    pub(crate) amplitude: f64,
 }
 
 impl Default for LandscapeConfig {
@@ -59,7 +59,7 @@ impl LandscapeConfig {
     ///
     /// # Errors
     /// Names the first field that is out of range.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let falls = self.levels.windows(2).all(|pair| pair[0].factor > pair[1].factor);
         let known = self.levels.iter().all(|l| [1, 2, 4].contains(&l.factor) && l.iterations > 0);
         if self.levels.is_empty() || !falls || !known {

@@ -35,21 +35,21 @@ const FACTOR_SMOOTHING: f64 = 8.0;
 #[serde(deny_unknown_fields)]
 pub struct LandscapeFit {
     /// Side of the exemplar's cells, metres.
-    pub cell_size: f64,
+    pub(crate) cell_size: f64,
     /// Slope by drained area.
-    pub slope_area: SlopeArea,
+    pub(crate) slope_area: SlopeArea,
     /// Factor on the slope by height, weakened where height explains little.
-    pub height_law: HeightLaw,
+    pub(crate) height_law: HeightLaw,
     /// Standard deviation of ln(slope / its law), smoothed over 8 cells.
-    pub factor_spread: f64,
+    pub(crate) factor_spread: f64,
     /// Mean relief of windows of 128 x 128 cells, metres.
-    pub relief: f64,
+    pub(crate) relief: f64,
     /// Relief grows with the side of a window to this power.
-    pub relief_exponent: f64,
+    pub(crate) relief_exponent: f64,
     /// Share of all slope that lies in pits.
-    pub slope_in_pits: f64,
+    pub(crate) slope_in_pits: f64,
     /// Share of the cells that filling raises by more than a thousandth of the relief.
-    pub pit_share: f64,
+    pub(crate) pit_share: f64,
 }
 
 impl LandscapeFit {
@@ -99,13 +99,13 @@ impl LandscapeFit {
 
     /// Whether rivers made the exemplar, so that the model applies: dunes and craters keep their slopes in pits.
     #[must_use]
-    pub fn is_fluvial(&self) -> bool {
+    pub(crate) fn is_fluvial(&self) -> bool {
         self.slope_in_pits <= MOST_SLOPE_IN_PITS
     }
 
     /// Relief of windows of 128 x 128 cells of `cell_size` metres.
     #[must_use]
-    pub fn relief_at(&self, cell_size: f64) -> f64 {
+    pub(crate) fn relief_at(&self, cell_size: f64) -> f64 {
         self.relief * (cell_size / self.cell_size).powf(self.relief_exponent)
     }
 }

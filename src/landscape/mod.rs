@@ -22,9 +22,12 @@ mod steady;
 #[cfg(test)]
 mod tests;
 
-pub use breach::{BreachConfig, Breached, breach};
-pub use config::{LandscapeConfig, Level};
+pub(crate) use breach::Breached;
+pub use breach::{BreachConfig, breach};
+pub use config::LandscapeConfig;
+#[cfg(test)]
+pub(crate) use config::Level;
 pub use fit::LandscapeFit;
 pub use pin::pin;
-pub use slope_area::{HeightLaw, SlopeArea};
-pub use solve::{Landscape, solve, solve_until};
+pub use solve::solve;
+pub(crate) use solve::solve_until;

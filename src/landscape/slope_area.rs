@@ -5,19 +5,19 @@ use serde::{Deserialize, Serialize};
 /// Mean slope by drained area: piecewise linear over ln(area), constant past its ends.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SlopeArea {
+pub(crate) struct SlopeArea {
     /// Distance of the knots in ln(area in cells of the exemplar); the first one lies at one cell.
-    pub log_step: f64,
+    pub(crate) log_step: f64,
     /// Slope (metres a metre) at every knot; positive.
-    pub slopes: Vec<f64>,
+    pub(crate) slopes: Vec<f64>,
     /// Concavity: the exponent of the power law S ~ A^-theta through the knots of channels.
-    pub theta: f64,
+    pub(crate) theta: f64,
 }
 
 impl SlopeArea {
     /// Slope where `area` cells of the exemplar drain.
     #[must_use]
-    pub fn slope(&self, area: f64) -> f64 {
+    pub(crate) fn slope(&self, area: f64) -> f64 {
         between(&self.slopes, area.max(1.0).ln() / self.log_step)
     }
 }
@@ -25,21 +25,22 @@ impl SlopeArea {
 /// What height does to slope: cliffs and benches of flat-lying rock, floors and caps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct HeightLaw {
+pub(crate) struct HeightLaw {
     /// Height of the first class, metres.
-    pub lowest: f64,
+    pub(crate) lowest: f64,
     /// Distance of the classes, metres; positive.
-    pub step: f64,
+    pub(crate) step: f64,
     /// Factor on the slope at every class; positive.
-    pub factors: Vec<f64>,
+    pub(crate) factors: Vec<f64>,
     /// Share of the variance of the slope factor that height explains.
-    pub explained: f64,
+    pub(crate) explained: f64,
 }
 
 impl HeightLaw {
     /// Factor on the slope at `height` metres.
     #[must_use]
-    pub fn factor(&self, height: f64) -> f64 {
+    #[cfg(test)]
+    pub(crate) fn factor(&self, height: f64) -> f64 {
         between(&self.factors, (height - self.lowest) / self.step)
     }
 }

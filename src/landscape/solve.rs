@@ -30,7 +30,8 @@ pub struct Landscape {
 impl Landscape {
     /// Cells of the map along the side of one of the landscape's own cells.
     #[must_use]
-    pub const fn factor(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) const fn factor(&self) -> usize {
         self.factor
     }
 
@@ -86,7 +87,7 @@ pub fn solve(
 ///
 /// # Errors
 /// As [`solve`], and when it is stopped.
-pub fn solve_until(
+pub(crate) fn solve_until(
     fit: &LandscapeFit,
     lines: &LineMap,
     cell_size: f64,

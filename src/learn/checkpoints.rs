@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const ALLOWED: &str = "allowed: a checkpoint written by `train`";
 
 /// How far a training has come, its numbers apart.
-pub trait Resumable: Serialize + DeserializeOwned {
+pub(crate) trait Resumable: Serialize + DeserializeOwned {
     /// Key of the description in the file's metadata.
     const KEY: &'static str;
     /// What is trained, for messages.
@@ -47,7 +47,7 @@ pub trait Resumable: Serialize + DeserializeOwned {
 
 /// The numbers of a checkpoint that was read.
 #[derive(Debug)]
-pub struct Numbers {
+pub(crate) struct Numbers {
     path: PathBuf,
     arrays: Arrays,
 }
@@ -57,7 +57,7 @@ impl Numbers {
     ///
     /// # Errors
     /// When they are missing or damaged.
-    pub fn take(&mut self, name: &str, count: usize) -> Result<Vec<f32>> {
+    pub(crate) fn take(&mut self, name: &str, count: usize) -> Result<Vec<f32>> {
         let values = self.take_all(name);
         if values.len() != count || values.iter().any(|v| !v.is_finite()) {
             let found = format!("{} values", values.len());
@@ -67,7 +67,7 @@ impl Numbers {
     }
 
     /// Those of a name, however many; none when they are missing.
-    pub fn take_all(&mut self, name: &str) -> Vec<f32> {
+    pub(crate) fn take_all(&mut self, name: &str) -> Vec<f32> {
         self.arrays.take_f32(name).unwrap_or_default()
     }
 }

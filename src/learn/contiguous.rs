@@ -6,7 +6,7 @@ use candle_core::{CpuStorage, Layout};
 ///
 /// # Errors
 /// When the tensor is not contiguous or not f32: a custom operation does not copy behind its caller's back.
-pub fn contiguous_f32<'a>(storage: &'a CpuStorage, layout: &Layout) -> candle_core::Result<&'a [f32]> {
+pub(crate) fn contiguous_f32<'a>(storage: &'a CpuStorage, layout: &Layout) -> candle_core::Result<&'a [f32]> {
     let values = storage.as_slice::<f32>()?;
     match layout.contiguous_offsets() {
         Some((start, end)) => Ok(&values[start..end]),

@@ -5,9 +5,9 @@ mod checkpoints;
 mod contiguous;
 pub mod convolution;
 #[allow(dead_code, unused_imports, reason = "parts for the conditional GAN and the VAE to come, tested here")]
-pub mod gan;
+pub(crate) mod gan;
 #[allow(dead_code, unused_imports, reason = "parts for the conditional GAN and the VAE to come, tested here")]
-pub mod layers;
+pub(crate) mod layers;
 #[allow(dead_code, unused_imports, reason = "parts for the conditional GAN and the VAE to come, tested here")]
 mod optim;
 mod param_store;
@@ -15,10 +15,12 @@ mod pool;
 mod ssim;
 mod vector_math;
 
-pub use checkpoints::{Numbers, Resumable};
-pub use contiguous::contiguous_f32;
-pub use optim::{Adam, Average, Decay, Schedule};
-pub use param_store::ParamStore;
-pub use pool::in_pool;
-pub use ssim::SsimLoss;
-pub use vector_math::{exp, ln, sin_cos_quarter_turns, tanh};
+pub(crate) use checkpoints::{Numbers, Resumable};
+pub(crate) use contiguous::contiguous_f32;
+pub(crate) use optim::Adam;
+#[allow(unused_imports, reason = "for the conditional GAN to come")]
+pub(crate) use optim::{Average, Decay, Schedule};
+pub(crate) use param_store::ParamStore;
+pub(crate) use pool::in_pool;
+pub(crate) use ssim::SsimLoss;
+pub(crate) use vector_math::{exp, ln, sin_cos_quarter_turns, tanh};

@@ -7,7 +7,7 @@ use candle_core::{Device, Tensor, Var};
 
 /// How a learning rate falls.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Decay {
+pub(crate) enum Decay {
     /// Not at all.
     Constant,
     /// Half a cosine down to a share of the peak.
@@ -33,27 +33,27 @@ pub enum Decay {
 
 /// Learning rate over a training: linear warm-up, then a decay.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Schedule {
+pub(crate) struct Schedule {
     /// Highest learning rate.
-    pub peak: f64,
+    pub(crate) peak: f64,
     /// Number of steps.
-    pub steps: usize,
+    pub(crate) steps: usize,
     /// Share of the steps that warm up.
-    pub warm_up: f64,
+    pub(crate) warm_up: f64,
     /// How it falls.
-    pub decay: Decay,
+    pub(crate) decay: Decay,
 }
 
 impl Schedule {
     /// Learning rate at `step`, counted from 0.
     #[must_use]
-    pub fn at(&self, step: usize) -> f64 {
+    pub(crate) fn at(&self, step: usize) -> f64 {
         self.at_phase((step as f64 + 0.5) / self.steps.max(1) as f64)
     }
 
     /// Learning rate when `phase` of the training is over, 0 to 1.
     #[must_use]
-    pub fn at_phase(&self, phase: f64) -> f64 {
+    pub(crate) fn at_phase(&self, phase: f64) -> f64 {
         let phase = phase.clamp(0.0, 1.0);
         let warm = if self.warm_up > 0.0 { (phase / self.warm_up).min(1.0) } else { 1.0 };
         let share = match self.decay {
@@ -80,7 +80,7 @@ impl Schedule {
 
 /// Adam without weight decay: the second beta is .999, epsilon 1e-8.
 #[derive(Debug)]
-pub struct Adam {
+pub(crate) struct Adam {
     beta: f32,
     step: i32,
     moments: Vec<Moments>,
@@ -98,19 +98,19 @@ const EPSILON: f32 = 1e-8;
 
 impl Adam {
     /// Zero moments for these variables; the first beta is .9.
-    pub fn new<'a>(vars: impl Iterator<Item = &'a Var>) -> Self {
+    pub(crate) fn new<'a>(vars: impl Iterator<Item = &'a Var>) -> Self {
         Self::of(vars.map(|var| var.elem_count()), BETA_1)
     }
 
     /// Zero moments for every parameter of a store.
     #[must_use]
-    pub fn over(params: &ParamStore) -> Self {
+    pub(crate) fn over(params: &ParamStore) -> Self {
         Self::new(params.iter().map(|(_, var)| var))
     }
 
     /// Zero moments for one vector of so many values; `beta`: the first one (.5 for adversarial trainings).
     #[must_use]
-    pub fn flat(values: usize, beta: f32) -> Self {
+    pub(crate) fn flat(values: usize, beta: f32) -> Self {
         Self::of(std::iter::once(values), beta)
     }
 
@@ -121,12 +121,12 @@ impl Adam {
 
     /// Steps taken.
     #[must_use]
-    pub const fn steps(&self) -> usize {
+    pub(crate) const fn steps(&self) -> usize {
         self.step as usize
     }
 
     /// Running means of the gradients and of their squares, in the order of the variables.
-    pub fn moments(&self) -> impl Iterator<Item = (&[f32], &[f32])> {
+    pub(crate) fn moments(&self) -> impl Iterator<Item = (&[f32], &[f32])> {
         self.moments.iter().map(|m| (&m.mean[..], &m.square[..]))
     }
 
@@ -134,7 +134,7 @@ impl Adam {
     ///
     /// # Panics
     /// When the lengths are not those of the variables.
-    pub fn restore(&mut self, steps: usize, mean: Vec<Vec<f32>>, square: Vec<Vec<f32>>) {
+    pub(crate) fn restore(&mut self, steps: usize, mean: Vec<Vec<f32>>, square: Vec<Vec<f32>>) {
         assert_eq!((mean.len(), square.len()), (self.moments.len(), self.moments.len()), "one a variable");
         self.step = i32::try_from(steps).expect("fewer than 2^31 steps");
         for ((m, mean), square) in self.moments.iter_mut().zip(mean).zip(square) {
@@ -153,7 +153,7 @@ impl Adam {
     ///
     /// # Panics
     /// When there are several, or the lengths differ.
-    pub fn descend(&mut self, values: &mut [f32], gradient: &[f32], rate: f32) {
+    pub(crate) fn descend(&mut self, values: &mut [f32], gradient: &[f32], rate: f32) {
         let step = self.next(rate);
         let [moments] = &mut self.moments[..] else { panic!("one vector of values") };
         moments.descend(values, gradient, step);
@@ -166,7 +166,7 @@ impl Adam {
     ///
     /// # Panics
     /// When the variables are not those of the construction.
-    pub fn update<'a>(
+    pub(crate) fn update<'a>(
         &mut self,
         vars: impl Iterator<Item = &'a Var>,
         gradients: &GradStore,
@@ -206,7 +206,7 @@ impl Moments {
 
 /// A running average of values over the steps of a training, which makes better images than the last values do.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Average {
+pub(crate) struct Average {
     decay: f32,
     steps: usize,
     values: Vec<f32>,
@@ -215,7 +215,7 @@ pub struct Average {
 impl Average {
     /// Of `values`; `decay`: how much of the average stays at a step (.998), in the end.
     #[must_use]
-    pub fn new(values: &[f32], decay: f32) -> Self {
+    pub(crate) fn new(values: &[f32], decay: f32) -> Self {
         Self { decay, steps: 0, values: values.to_vec() }
     }
 
@@ -224,7 +224,7 @@ impl Average {
     ///
     /// # Panics
     /// When the length differs.
-    pub fn mix(&mut self, values: &[f32]) {
+    pub(crate) fn mix(&mut self, values: &[f32]) {
         assert_eq!(values.len(), self.values.len(), "the averaged values");
         let keep = self.decay.min((1 + self.steps) as f32 / (10 + self.steps) as f32);
         self.steps += 1;
@@ -235,13 +235,13 @@ impl Average {
 
     /// The average.
     #[must_use]
-    pub fn values(&self) -> &[f32] {
+    pub(crate) fn values(&self) -> &[f32] {
         &self.values
     }
 
     /// Steps mixed in.
     #[must_use]
-    pub const fn steps(&self) -> usize {
+    pub(crate) const fn steps(&self) -> usize {
         self.steps
     }
 
@@ -249,7 +249,7 @@ impl Average {
     ///
     /// # Panics
     /// When the length differs.
-    pub fn restore(&mut self, steps: usize, values: Vec<f32>) {
+    pub(crate) fn restore(&mut self, steps: usize, values: Vec<f32>) {
         assert_eq!(values.len(), self.values.len(), "the averaged values");
         (self.steps, self.values) = (steps, values);
     }

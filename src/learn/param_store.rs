@@ -19,7 +19,7 @@ pub struct ParamStore {
 impl ParamStore {
     /// An empty store whose parameters will draw from `seed`.
     #[must_use]
-    pub fn new(seed: Seed) -> Self {
+    pub(crate) fn new(seed: Seed) -> Self {
         Self { seed, entries: Vec::new() }
     }
 
@@ -30,7 +30,7 @@ impl ParamStore {
     ///
     /// # Panics
     /// When the name is taken.
-    pub fn uniform(&mut self, name: &str, shape: impl Into<Shape>, bound: f64) -> Result<Tensor> {
+    pub(crate) fn uniform(&mut self, name: &str, shape: impl Into<Shape>, bound: f64) -> Result<Tensor> {
         let mut stream = self.seed.stream(name);
         self.insert(name, shape, || stream.random_range(-bound..=bound) as f32)
     }
@@ -42,7 +42,7 @@ impl ParamStore {
     ///
     /// # Panics
     /// When the name is taken.
-    pub fn normal(&mut self, name: &str, shape: impl Into<Shape>, deviation: f64) -> Result<Tensor> {
+    pub(crate) fn normal(&mut self, name: &str, shape: impl Into<Shape>, deviation: f64) -> Result<Tensor> {
         let mut stream = self.seed.stream(name);
         self.insert(name, shape, || (stream.sample::<f64, _>(StandardNormal) * deviation) as f32)
     }
@@ -54,7 +54,7 @@ impl ParamStore {
     ///
     /// # Panics
     /// When the name is taken.
-    pub fn constant(&mut self, name: &str, shape: impl Into<Shape>, value: f32) -> Result<Tensor> {
+    pub(crate) fn constant(&mut self, name: &str, shape: impl Into<Shape>, value: f32) -> Result<Tensor> {
         self.insert(name, shape, || value)
     }
 
@@ -80,13 +80,13 @@ impl ParamStore {
 
     /// A parameter by name.
     #[must_use]
-    pub fn get(&self, name: &str) -> Option<&Tensor> {
+    pub(crate) fn get(&self, name: &str) -> Option<&Tensor> {
         self.entries.iter().find(|(n, _)| n == name).map(|(_, var)| var.as_tensor())
     }
 
     /// Number of trainable values.
     #[must_use]
-    pub fn value_count(&self) -> usize {
+    pub(crate) fn value_count(&self) -> usize {
         self.entries.iter().map(|(_, var)| var.elem_count()).sum()
     }
 
@@ -94,7 +94,7 @@ impl ParamStore {
     ///
     /// # Errors
     /// When there is no such parameter or the length differs.
-    pub fn assign(&self, name: &str, values: &[f32]) -> Result<()> {
+    pub(crate) fn assign(&self, name: &str, values: &[f32]) -> Result<()> {
         let Some((_, var)) = self.entries.iter().find(|(n, _)| n == name) else {
             return Err(Error::value("parameter", name, "the model has no such parameter"));
         };
@@ -121,7 +121,7 @@ impl ParamStore {
     ///
     /// # Errors
     /// When a length differs.
-    pub fn restore(&self, snapshot: &[Vec<f32>]) -> Result<()> {
+    pub(crate) fn restore(&self, snapshot: &[Vec<f32>]) -> Result<()> {
         for ((name, _), values) in self.entries.iter().zip(snapshot) {
             self.assign(name, values)?;
         }

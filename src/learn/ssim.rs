@@ -7,7 +7,7 @@ use crate::metrics::{WINDOW, similarity, window_means, window_means_adjoint};
 ///
 /// Windows that touch a void are left out.
 #[derive(Clone, Debug)]
-pub struct SsimLoss {
+pub(crate) struct SsimLoss {
     rows: usize,
     cols: usize,
     heights: Vec<f64>,
@@ -23,7 +23,7 @@ impl SsimLoss {
     /// # Panics
     /// When the numbers of values differ.
     #[must_use]
-    pub fn new(rows: usize, cols: usize, heights: &[f64], valid: &[bool]) -> Self {
+    pub(crate) fn new(rows: usize, cols: usize, heights: &[f64], valid: &[bool]) -> Self {
         assert_eq!((heights.len(), valid.len()), (rows * cols, rows * cols), "a map of {rows}x{cols}");
         let mut loss = Self {
             rows,
@@ -44,7 +44,7 @@ impl SsimLoss {
     }
 
     /// 1 - mean SSIM of `y`; adds `weight` times its gradient.
-    pub fn add(&self, y: &[f64], weight: f64, gradient: &mut [f64]) -> f64 {
+    pub(crate) fn add(&self, y: &[f64], weight: f64, gradient: &mut [f64]) -> f64 {
         let n = self.counts.iter().filter(|c| **c).count();
         if n == 0 {
             return 0.0;

@@ -11,7 +11,7 @@ const LN_2_LOW: f32 = LN_2 - LN_2_HIGH;
 /// e^x to a relative 1e-6 for x in [-87, 88]; arguments outside are cut there.
 #[inline(always)]
 #[must_use]
-pub fn exp(x: f32) -> f32 {
+pub(crate) fn exp(x: f32) -> f32 {
     let x = x.clamp(-87.0, 88.0);
     let rounded = x * LOG2_E + ROUND;
     let n = rounded - ROUND;
@@ -28,7 +28,7 @@ pub fn exp(x: f32) -> f32 {
 /// Natural logarithm to 1e-7 of the larger of its value and 1, for positive normal x.
 #[inline(always)]
 #[must_use]
-pub fn ln(x: f32) -> f32 {
+pub(crate) fn ln(x: f32) -> f32 {
     // x = m 2^n with m in [2/3, 4/3)
     let offset = 0x3f2a_aaab;
     let bits = x.to_bits();
@@ -47,14 +47,14 @@ pub fn ln(x: f32) -> f32 {
 /// Hyperbolic tangent to 2e-7.
 #[inline(always)]
 #[must_use]
-pub fn tanh(x: f32) -> f32 {
+pub(crate) fn tanh(x: f32) -> f32 {
     1.0 - 2.0 / (exp(2.0 * x) + 1.0)
 }
 
 /// Sine and cosine of `x` quarter turns to 2e-7, for |x| below 2^20.
 #[inline(always)]
 #[must_use]
-pub fn sin_cos_quarter_turns(x: f32) -> (f32, f32) {
+pub(crate) fn sin_cos_quarter_turns(x: f32) -> (f32, f32) {
     let rounded = x + ROUND;
     let quadrant = rounded.to_bits();
     let r = (x - (rounded - ROUND)) * std::f32::consts::FRAC_PI_2;

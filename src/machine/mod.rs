@@ -2,8 +2,7 @@
 
 mod vector;
 
-pub(crate) use vector::arch;
-pub use vector::{VECTOR_VARIABLE, VectorLevel};
+pub(crate) use vector::{VECTOR_VARIABLE, VectorLevel, arch};
 
 use crate::file;
 use sha2::{Digest, Sha256};
@@ -21,19 +20,19 @@ pub fn peak_memory() -> Option<u64> {
 
 /// Processor cores that this process may use; `None` where the system does not tell.
 #[must_use]
-pub fn cores() -> Option<usize> {
+pub(crate) fn cores() -> Option<usize> {
     std::thread::available_parallelism().ok().map(usize::from)
 }
 
 /// Memory of the machine in bytes; `None` where the system does not tell (only Linux does, in `/proc`).
 #[must_use]
-pub fn total_memory() -> Option<u64> {
+pub(crate) fn total_memory() -> Option<u64> {
     memory("MemTotal:")
 }
 
 /// Memory that a process can still get without others being swapped out, in bytes; `None` where the system does not tell.
 #[must_use]
-pub fn available_memory() -> Option<u64> {
+pub(crate) fn available_memory() -> Option<u64> {
     memory("MemAvailable:")
 }
 
@@ -46,7 +45,7 @@ fn memory(name: &str) -> Option<u64> {
 
 /// SHA-256 of the running program's file, hexadecimal: tells builds apart; `None` where it cannot be read.
 #[must_use]
-pub fn program_sha256() -> Option<String> {
+pub(crate) fn program_sha256() -> Option<String> {
     static HASH: OnceLock<Option<String>> = OnceLock::new();
     let hash = || {
         let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
@@ -58,7 +57,7 @@ pub fn program_sha256() -> Option<String> {
 /// The revision of the source that the program was built from, as git named it then ("0a1b2c3d4e5f", with "-dirty" when files
 /// of the program were changed); `None` when it was built without git, as from an archive.
 #[must_use]
-pub fn revision() -> Option<&'static str> {
+pub(crate) fn revision() -> Option<&'static str> {
     option_env!("MONADNOCK_REVISION").filter(|text| !text.is_empty())
 }
 

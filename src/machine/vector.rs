@@ -9,11 +9,11 @@ use pulp::Arch;
 use std::sync::LazyLock;
 
 /// The environment variable that names the level.
-pub const VECTOR_VARIABLE: &str = "MONADNOCK_VECTOR";
+pub(crate) const VECTOR_VARIABLE: &str = "MONADNOCK_VECTOR";
 
 /// Vector instructions, from the narrowest to the widest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum VectorLevel {
+pub(crate) enum VectorLevel {
     /// One number at a time, as far as the compiler does no better with the build's baseline (SSE2 on x86-64).
     Scalar,
     /// Eight `f32` at a time with fused multiply-add.
@@ -26,11 +26,11 @@ pub enum VectorLevel {
 
 impl VectorLevel {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Scalar, Self::Avx2, Self::Avx512, Self::Native];
+    pub(crate) const ALL: [Self; 4] = [Self::Scalar, Self::Avx2, Self::Avx512, Self::Native];
 
     /// The level as [`VECTOR_VARIABLE`] names it.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Scalar => "scalar",
             Self::Avx2 => "avx2",
@@ -43,7 +43,7 @@ impl VectorLevel {
     ///
     /// # Errors
     /// When the variable names no level, or one that this processor does not have. The kernels then use the widest.
-    pub fn chosen() -> Result<Self> {
+    pub(crate) fn chosen() -> Result<Self> {
         let (level, _) = *CHOSEN;
         level.ok_or_else(|| {
             let value = std::env::var_os(VECTOR_VARIABLE).unwrap_or_default();

@@ -19,15 +19,15 @@ use rayon::prelude::*;
 
 /// The exemplar part that a drawn part was given.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct PartMatch {
+pub(crate) struct PartMatch {
     /// Index in the exemplar's list of parts.
-    pub part: PartId,
+    pub(crate) part: PartId,
     /// Length of the common shape, in steps (one fewer than cells).
-    pub common_length: usize,
+    pub(crate) common_length: usize,
     /// Mean absolute height difference on the common cells, in the unit of the heights given.
-    pub height_difference: f32,
+    pub(crate) height_difference: f32,
     /// Eighth turns counter-clockwise, 0 to 7, that take the drawn part to the direction of the exemplar part.
-    pub rotation: u8,
+    pub(crate) rotation: u8,
 }
 
 /// Finds an exemplar part for every drawn part; the answer is in the order of `drawn`.
@@ -38,7 +38,7 @@ pub struct PartMatch {
 /// # Errors
 /// When the configuration or a part is not valid, a part has more than 65 cells, or there is something to match and the
 /// exemplar has no part (of the same kind, where the configuration asks for that).
-pub fn align(
+pub(crate) fn align(
     drawn: &[SketchPart],
     exemplar: &[SketchPart],
     config: &MatchConfig,

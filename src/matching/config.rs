@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 /// To which angles a part may be turned before shapes are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum RotationStep {
+pub(crate) enum RotationStep {
     /// Multiples of pi/4, as the text says (5.3).
     #[default]
     EighthTurn,
@@ -16,7 +16,7 @@ pub enum RotationStep {
 /// Which of the finalists is taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Choice {
+pub(crate) enum Choice {
     /// Any, with equal chances, by the seed (Algorithm A2, line 12; a source of variety, 7.3).
     #[default]
     Random,
@@ -29,16 +29,16 @@ pub enum Choice {
 #[serde(deny_unknown_fields, default)]
 pub struct MatchConfig {
     /// Angles by which a part may be turned.
-    pub rotation: RotationStep,
+    pub(crate) rotation: RotationStep,
     /// How many parts with the longest common shape go on (Algorithm A2, line 10): 10.
-    pub candidates: usize,
+    pub(crate) candidates: usize,
     /// How many of those, with the smallest height difference, the answer is chosen from (Algorithm A2, line 12): 5.
-    pub finalists: usize,
+    pub(crate) finalists: usize,
     /// How one of them is chosen.
-    pub choice: Choice,
+    pub(crate) choice: Choice,
     /// Whether a ridge may only match a ridge and a valley a valley. The paper does not say; a ridge's neighbourhood
     /// falls away on both sides, so another kind makes no sense as a model.
-    pub same_kind: bool,
+    pub(crate) same_kind: bool,
 }
 
 impl Default for MatchConfig {
@@ -56,7 +56,7 @@ impl Default for MatchConfig {
 impl MatchConfig {
     /// # Errors
     /// When `finalists` is 0 or above `candidates`.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         if self.finalists == 0 || self.finalists > self.candidates {
             return Err(Error::value(
                 "match.finalists",

@@ -4,5 +4,5 @@ mod align;
 mod config;
 mod substring;
 
-pub use align::{PartMatch, align};
-pub use config::{Choice, MatchConfig, RotationStep};
+pub(crate) use align::align;
+pub(crate) use config::MatchConfig;

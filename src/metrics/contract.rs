@@ -24,53 +24,53 @@ const ASKED: f64 = 8.0;
 /// What was asked and what came.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Contract {
+pub(crate) struct Contract {
     /// Root mean square height error at the lines, in the unit of the heights; none without lines on valid ground.
-    pub height_error: Option<f64>,
+    pub(crate) height_error: Option<f64>,
     /// Greatest height error at a line cell.
-    pub largest_height_error: f64,
+    pub(crate) largest_height_error: f64,
     /// Every stroke, in the order of the sketch.
-    pub strokes: Vec<StrokeCheck>,
+    pub(crate) strokes: Vec<StrokeCheck>,
     /// Share of the cells in ponds ([`ponded_share`]).
-    pub pits: f64,
+    pub(crate) pits: f64,
     /// The same of the terrain that the style was learned from; none where that is not known.
     #[serde(default)]
-    pub style_pits: Option<f64>,
+    pub(crate) style_pits: Option<f64>,
     /// Cells of rivers of order 4 and more that no drawn valley is near, as a share of all such cells; none without any.
-    pub unasked_rivers: Option<f64>,
+    pub(crate) unasked_rivers: Option<f64>,
     /// The same of ridges.
-    pub unasked_ridges: Option<f64>,
+    pub(crate) unasked_ridges: Option<f64>,
 }
 
 /// One stroke and what became of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StrokeCheck {
+pub(crate) struct StrokeCheck {
     /// Ridge or valley.
-    pub kind: StrokeKind,
+    pub(crate) kind: StrokeKind,
     /// Cells on valid ground.
-    pub cells: usize,
+    pub(crate) cells: usize,
     /// Share of the cells with a ridge or valley of the terrain within 3 cells.
-    pub found: f64,
+    pub(crate) found: f64,
     /// Valleys: share of the cells with the main stem within 3 cells: the one river that is greatest along the stroke, followed
     /// upstream for as long as it stays there. None for ridges.
-    pub carries: Option<f64>,
+    pub(crate) carries: Option<f64>,
 }
 
 /// What a user will not accept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct ContractBounds {
+pub(crate) struct ContractBounds {
     /// Largest root mean square height error.
-    pub height_error: Option<f64>,
+    pub(crate) height_error: Option<f64>,
     /// Least share of every stroke that is found again.
-    pub found: Option<f64>,
+    pub(crate) found: Option<f64>,
     /// Least share of every valley that carries its river.
-    pub carries: Option<f64>,
+    pub(crate) carries: Option<f64>,
     /// Largest share of cells in pits.
-    pub pits: Option<f64>,
+    pub(crate) pits: Option<f64>,
     /// Largest share of large rivers and of large ridges that nobody asked for.
-    pub unasked: Option<f64>,
+    pub(crate) unasked: Option<f64>,
 }
 
 impl Contract {
@@ -78,7 +78,7 @@ impl Contract {
     ///
     /// # Errors
     /// When the shapes differ, a valid height is not finite, or nothing is valid.
-    pub fn of(terrain: &Grid<f32>, valid: &Mask, sketch: &Sketch) -> Result<Self> {
+    pub(crate) fn of(terrain: &Grid<f32>, valid: &Mask, sketch: &Sketch) -> Result<Self> {
         check_one("terrain", terrain, valid)?;
         sketch.validate()?;
         let lines = sketch.rasterize();
@@ -114,7 +114,7 @@ impl Contract {
 
     /// The bounds that are broken, in whole sentences.
     #[must_use]
-    pub fn broken(&self, bounds: &ContractBounds) -> Vec<String> {
+    pub(crate) fn broken(&self, bounds: &ContractBounds) -> Vec<String> {
         let mut broken = Vec::new();
         let mut most = |what: String, value: Option<f64>, bound: Option<f64>| {
             if let (Some(value), Some(bound)) = (value, bound)
@@ -146,7 +146,7 @@ impl Contract {
 
     /// The findings as lines of text.
     #[must_use]
-    pub fn table(&self) -> String {
+    pub(crate) fn table(&self) -> String {
         let share = |value: Option<f64>| value.map_or_else(|| "-".into(), |v| format!("{:.1} %", 100.0 * v));
         let mut text =
             format!("{:>7} {:7} {:>6} {:>8} {:>8}\n", "stroke", "kind", "cells", "found", "carries");

@@ -2,7 +2,7 @@
 
 /// Spearman's rank correlation, ties at their mean rank; none for fewer than three pairs or when one side is constant.
 #[must_use]
-pub fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
+pub(crate) fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
     if pairs.len() < 3 {
         return None;
     }

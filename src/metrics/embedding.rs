@@ -14,17 +14,17 @@ const PERPLEXITY: f64 = 20.0;
 
 /// How far labelled vectors lie apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Separation {
+pub(crate) struct Separation {
     /// Share of the ten nearest vectors that have a vector's own label, mean over all.
-    pub purity: f64,
+    pub(crate) purity: f64,
     /// What chance gives.
-    pub chance: f64,
+    pub(crate) chance: f64,
     /// Silhouette (Rousseeuw 1987), mean over all.
-    pub silhouette: f64,
+    pub(crate) silhouette: f64,
 }
 
 /// A vector with its label.
-pub type Labelled<L> = (L, Vec<f32>);
+pub(crate) type Labelled<L> = (L, Vec<f32>);
 
 /// (n x n) squared distances.
 fn squared_distances<L>(states: &[Labelled<L>]) -> Vec<Vec<f64>> {
@@ -34,7 +34,7 @@ fn squared_distances<L>(states: &[Labelled<L>]) -> Vec<Vec<f64>> {
 
 /// How far vectors of two labels lie apart.
 #[must_use]
-pub fn separation<L: PartialEq>(states: &[Labelled<L>]) -> Separation {
+pub(crate) fn separation<L: PartialEq>(states: &[Labelled<L>]) -> Separation {
     let n = states.len();
     let distances = squared_distances(states);
     let (mut pure, mut chance, mut silhouette) = (0.0, 0.0, 0.0);
@@ -65,7 +65,7 @@ pub fn separation<L: PartialEq>(states: &[Labelled<L>]) -> Separation {
 
 /// t-SNE in two dimensions, exact: all pairs, no tree. The same bytes for the same states and seed.
 #[must_use]
-pub fn tsne<L>(states: &[Labelled<L>], seed: Seed) -> Vec<(f64, f64)> {
+pub(crate) fn tsne<L>(states: &[Labelled<L>], seed: Seed) -> Vec<(f64, f64)> {
     let n = states.len();
     if n < 3 {
         return (0..n).map(|i| (i as f64, 0.0)).collect();

@@ -17,7 +17,7 @@ const FLAT: f64 = 0.2;
 /// Classes of direction, of 30 degrees.
 const DIRECTIONS: usize = 12;
 /// Landforms: flat, summit, ridge, shoulder, spur, slope, hollow, footslope, valley, depression.
-pub const LANDFORMS: usize = 10;
+pub(crate) const LANDFORMS: usize = 10;
 
 /// The landform by the number of higher directions (row) and lower ones (column), as in the order of [`LANDFORMS`]
 /// (Jasiewicz & Stepinski 2013, Fig. 4: rows by minuses, columns by pluses).
@@ -51,7 +51,7 @@ const FORMS: [[usize; 9]; 9] = {
 ///
 /// # Errors
 /// When the shapes differ, a valid value is not finite, or one of both is level.
-pub fn aspect_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
+pub(crate) fn aspect_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
     check_pair(output, truth, valid)?;
     let shares = |name: &str, terrain: &Grid<f32>| -> Result<[f64; DIRECTIONS]> {
         let mut shares = [0.0; DIRECTIONS];
@@ -80,7 +80,7 @@ pub fn aspect_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> R
 ///
 /// # Errors
 /// When the shapes differ, a valid value is not finite, or the truth is level.
-pub fn geomorphon_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
+pub(crate) fn geomorphon_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
     check_pair(output, truth, valid)?;
     let slope = super::relief::mean_valid_slope(truth, valid)?;
     let shares = |terrain: &Grid<f32>| landform_shares(terrain, valid, FLAT * slope);

@@ -10,7 +10,7 @@ use crate::sketch::{LineMap, StrokeKind};
 ///
 /// # Errors
 /// When the shapes differ or a valid height is not finite.
-pub fn stroke_height_error(output: &Grid<f32>, valid: &Mask, lines: &LineMap) -> Result<Option<f64>> {
+pub(crate) fn stroke_height_error(output: &Grid<f32>, valid: &Mask, lines: &LineMap) -> Result<Option<f64>> {
     check_one("output", output, valid)?;
     check_lines("sketch", lines, valid.shape())?;
     let (mut sum, mut count) = (0.0, 0usize);
@@ -24,17 +24,17 @@ pub fn stroke_height_error(output: &Grid<f32>, valid: &Mask, lines: &LineMap) ->
 /// How well lines that were found again in the terrain agree with those that were asked for.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LineAgreement {
+pub(crate) struct LineAgreement {
     /// Share of the found cells that lie near an asked cell; 1 when none was found.
-    pub precision: f64,
+    pub(crate) precision: f64,
     /// Share of the asked cells that lie near a found cell; 1 when none was asked for.
-    pub recall: f64,
+    pub(crate) recall: f64,
 }
 
 impl LineAgreement {
     /// Harmonic mean of precision and recall; 0 when both are 0.
     #[must_use]
-    pub fn f1(self) -> f64 {
+    pub(crate) fn f1(self) -> f64 {
         let sum = self.precision + self.recall;
         if sum > 0.0 { 2.0 * self.precision * self.recall / sum } else { 0.0 }
     }
@@ -45,7 +45,7 @@ impl LineAgreement {
 ///
 /// # Errors
 /// When the shapes differ or `tolerance` is negative or not finite.
-pub fn line_agreement(
+pub(crate) fn line_agreement(
     asked: &LineMap,
     found: &LineMap,
     kind: StrokeKind,

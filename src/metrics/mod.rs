@@ -22,25 +22,25 @@ mod ssim;
 mod summary;
 mod two_sample;
 
-pub use contract::{Contract, ContractBounds, StrokeCheck};
-pub use correlation::spearman;
-pub use embedding::{Labelled, Separation, separation, tsne};
-pub use error::{psnr, rmse};
-pub use landforms::{LANDFORMS, aspect_distance, geomorphon_distance};
-pub use lines::{LineAgreement, line_agreement, stroke_height_error};
+pub(crate) use contract::{Contract, ContractBounds, StrokeCheck};
+pub(crate) use correlation::spearman;
+pub(crate) use embedding::{Labelled, separation, tsne};
+pub(crate) use error::{psnr, rmse};
+pub(crate) use landforms::{aspect_distance, geomorphon_distance};
+pub(crate) use lines::{LineAgreement, line_agreement, stroke_height_error};
 pub(crate) use naming::{decimals, lower_is_better, title};
-pub use patches::{CopyAudit, copy_audit, diversity, sliced_wasserstein};
-pub use provenance::{Origin, Provenance, SourceAudit};
-pub use relief::{
-    curvature_distance, mean_slope_ratio, mean_square_slope, mean_valid_slope, pit_share, roughness,
-    slope_distance,
-};
-pub use scores::{BORDER_WIDTH, LINE_TOLERANCE, Scores};
-pub use spectrum::{radial_spectrum, spectrum_distance};
-pub use ssim::{SsimMap, ssim, ssim_map};
+pub use patches::{copy_audit, diversity, sliced_wasserstein};
+pub(crate) use provenance::{Origin, Provenance, SourceAudit};
+pub use relief::{curvature_distance, mean_slope_ratio, slope_distance};
+pub(crate) use relief::{mean_square_slope, mean_valid_slope, pit_share, roughness};
+pub use scores::Scores;
+pub(crate) use scores::{BORDER_WIDTH, LINE_TOLERANCE};
+pub use spectrum::spectrum_distance;
+pub use ssim::ssim;
 pub(crate) use ssim::{WINDOW, similarity, window_means, window_means_adjoint};
-pub use summary::{Spread, Stat, Summary};
-pub use two_sample::{WINDOW_FEATURES, WindowFeatures, told_share, window_features};
+pub(crate) use summary::{Stat, Summary};
+pub(crate) use two_sample::{WINDOW_FEATURES, WindowFeatures};
+pub use two_sample::{told_share, window_features};
 
 use crate::error::{Error, Result};
 use crate::grid::{Grid, Mask};

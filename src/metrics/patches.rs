@@ -132,7 +132,7 @@ pub fn sliced_wasserstein(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -
 pub struct CopyAudit {
     /// Mean distance of an output patch to the nearest exemplar patch: root mean square over its cells, over the exemplar's
     /// patch deviation. 0 is a copy.
-    pub mean_distance: f64,
+    pub(crate) mean_distance: f64,
     /// Share of the output's patches nearer than 5 % of that deviation.
     pub copied_share: f64,
 }

@@ -12,7 +12,7 @@ const LARGE_PIECE: usize = 20 * 20;
 
 /// What a cell was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Origin {
+pub(crate) enum Origin {
     /// A stroke gave the height.
     Stroke,
     /// A place of the exemplar gave the form: the gradient there, in one of the eight symmetries.
@@ -32,16 +32,16 @@ pub struct Provenance {
 
 /// What the origins say about copying.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SourceAudit {
+pub(crate) struct SourceAudit {
     /// Share of the cells in pieces of more than 400 cells (20x20): cells joined along their sides in which every step on the map is the
     /// same step in the exemplar. Strokes end a piece.
-    pub verbatim_share: f64,
+    pub(crate) verbatim_share: f64,
     /// Cells of the largest such piece.
-    pub largest_piece: usize,
+    pub(crate) largest_piece: usize,
     /// How often the place that is used most is used.
-    pub most_uses: usize,
+    pub(crate) most_uses: usize,
     /// How often a place that is used at all is used, on average; 0 where all is strokes.
-    pub mean_uses: f64,
+    pub(crate) mean_uses: f64,
 }
 
 impl Provenance {
@@ -50,7 +50,7 @@ impl Provenance {
     /// # Panics
     /// When a symmetry is above 7.
     #[must_use]
-    pub fn new(origins: Grid<Origin>) -> Self {
+    pub(crate) fn new(origins: Grid<Origin>) -> Self {
         let known = |origin: &Origin| !matches!(origin, Origin::Exemplar { symmetry: 8.., .. });
         assert!(origins.as_slice().iter().all(known), "a square has eight symmetries");
         Self { origins }
@@ -58,14 +58,14 @@ impl Provenance {
 
     /// By cell of the map.
     #[must_use]
-    pub const fn origins(&self) -> &Grid<Origin> {
+    pub(crate) const fn origins(&self) -> &Grid<Origin> {
         &self.origins
     }
 
     /// The step (down, right) in the exemplar that a step on the map stands for in a symmetry: 0 changes nothing, 1 mirrors north
     /// and south, 2 west and east, 3 both; 4 to 7 are the same after rows and columns are exchanged (5 and 6 turn by a quarter).
     #[must_use]
-    pub const fn step(symmetry: u8, down: i32, right: i32) -> (i32, i32) {
+    pub(crate) const fn step(symmetry: u8, down: i32, right: i32) -> (i32, i32) {
         let (down, right) = if symmetry & 4 == 0 { (down, right) } else { (right, down) };
         (if symmetry & 1 == 0 { down } else { -down }, if symmetry & 2 == 0 { right } else { -right })
     }
@@ -84,7 +84,7 @@ impl Provenance {
 
     /// The number of the piece of every cell, from 0 row by row, and the cells of each piece. A cell of a stroke is a piece of its own.
     #[must_use]
-    pub fn pieces(&self) -> (Grid<usize>, Vec<usize>) {
+    pub(crate) fn pieces(&self) -> (Grid<usize>, Vec<usize>) {
         let (rows, cols) = self.origins.shape();
         let mut pieces = Grid::filled(rows, cols, usize::MAX);
         let mut sizes = Vec::new();
@@ -115,7 +115,7 @@ impl Provenance {
 
     /// How much of the map is large pieces of the exemplar, and how often places are used.
     #[must_use]
-    pub fn audit(&self) -> SourceAudit {
+    pub(crate) fn audit(&self) -> SourceAudit {
         let (_, sizes) = self.pieces();
         let copied: usize = sizes.iter().filter(|size| **size > LARGE_PIECE).sum();
         let mut uses: BTreeMap<Cell, usize> = BTreeMap::new();

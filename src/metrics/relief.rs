@@ -22,7 +22,7 @@ pub fn mean_slope_ratio(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> 
 ///
 /// # Errors
 /// When there is no slope.
-pub fn mean_valid_slope(terrain: &Grid<f32>, valid: &Mask) -> Result<f64> {
+pub(crate) fn mean_valid_slope(terrain: &Grid<f32>, valid: &Mask) -> Result<f64> {
     positive_mean("mean slope of the truth", &slopes(terrain, valid))
 }
 
@@ -53,7 +53,7 @@ pub fn curvature_distance(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -
 
 /// Mean of the squared differences to the eastern and southern neighbour together, over the cells that have both.
 #[must_use]
-pub fn mean_square_slope(terrain: &Grid<f32>) -> f64 {
+pub(crate) fn mean_square_slope(terrain: &Grid<f32>) -> f64 {
     let (rows, cols) = terrain.shape();
     let z = terrain.as_slice();
     let mut sum = 0.0;
@@ -69,7 +69,7 @@ pub fn mean_square_slope(terrain: &Grid<f32>) -> f64 {
 ///
 /// # Errors
 /// When the shapes differ, a valid value is not finite, or no cell has eight valid neighbours.
-pub fn pit_share(terrain: &Grid<f32>, valid: &Mask) -> Result<f64> {
+pub(crate) fn pit_share(terrain: &Grid<f32>, valid: &Mask) -> Result<f64> {
     check_one("terrain", terrain, valid)?;
     let (rows, cols) = terrain.shape();
     let (mut pits, mut cells) = (0usize, 0usize);
@@ -145,7 +145,7 @@ fn positive_mean(name: &str, values: &[f64]) -> Result<f64> {
 
 /// Root mean square of a cell above the mean of its four neighbours, unit heights.
 #[must_use]
-pub fn roughness(output: &Grid<f32>) -> f64 {
+pub(crate) fn roughness(output: &Grid<f32>) -> f64 {
     let (rows, cols) = output.shape();
     let z = |row: usize, col: usize| f64::from(output[Cell::new(row, col)]);
     let (mut sum, mut count) = (0.0, 0usize);

@@ -18,7 +18,7 @@ const FLOOR: f64 = 1e-12;
 ///
 /// # Errors
 /// When the shapes differ, nothing is valid, a valid value is not finite, or the shorter side has fewer than 4 cells.
-pub fn radial_spectrum(terrain: &Grid<f32>, valid: &Mask) -> Result<Vec<f64>> {
+pub(crate) fn radial_spectrum(terrain: &Grid<f32>, valid: &Mask) -> Result<Vec<f64>> {
     check_one("terrain", terrain, valid)?;
     let (rows, cols) = terrain.shape();
     let shorter = rows.min(cols);

@@ -22,11 +22,11 @@ const K2: f64 = 0.03;
 
 /// The similarity around every cell.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SsimMap {
+pub(crate) struct SsimMap {
     /// Similarity of the window around each cell; 0 where there is none.
-    pub values: Grid<f64>,
+    pub(crate) values: Grid<f64>,
     /// True where the whole window lies inside the raster and holds no void.
-    pub valid: Mask,
+    pub(crate) valid: Mask,
 }
 
 /// Mean structural similarity over all windows that lie inside the raster and hold no void. `range`: the span of possible
@@ -55,7 +55,7 @@ pub fn ssim(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, range: f64) -> 
 ///
 /// # Errors
 /// When the shapes differ, nothing is valid, a valid value is not finite, or `range` is not positive and finite.
-pub fn ssim_map(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, range: f64) -> Result<SsimMap> {
+pub(crate) fn ssim_map(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, range: f64) -> Result<SsimMap> {
     check_pair(output, truth, valid)?;
     check_range(range)?;
     let (rows, cols) = truth.shape();

@@ -4,19 +4,19 @@ use super::Scores;
 
 /// Mean and sample standard deviation (n - 1; 0 for a single value).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stat {
+pub(crate) struct Stat {
     /// The mean.
     pub mean: f64,
     /// The standard deviation.
-    pub sd: f64,
+    pub(crate) sd: f64,
     /// How many values.
-    pub n: usize,
+    pub(crate) n: usize,
 }
 
 impl Stat {
     /// Of at least one value.
     #[must_use]
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
         let values: Vec<f64> = values.into_iter().collect();
         let n = values.len();
         if n == 0 {
@@ -33,13 +33,13 @@ impl Stat {
 #[serde(deny_unknown_fields)]
 pub struct Spread {
     /// Name of the score, as in [`Scores::values`].
-    pub name: String,
+    pub(crate) name: String,
     /// Mean over the patches that count.
     pub mean: f64,
     /// Sample standard deviation (n - 1) over them; 0 for a single one.
-    pub sd: f64,
+    pub(crate) sd: f64,
     /// How many patches count: those that have this score, and a finite one (a perfect copy has no finite PSNR).
-    pub count: usize,
+    pub(crate) count: usize,
 }
 
 /// Mean and standard deviation of every score over patches.
@@ -47,15 +47,15 @@ pub struct Spread {
 #[serde(deny_unknown_fields)]
 pub struct Summary {
     /// Number of patches.
-    pub patches: usize,
+    pub(crate) patches: usize,
     /// One entry per score, in the order of [`Scores::values`]; scores that no patch has are left out.
-    pub spreads: Vec<Spread>,
+    pub(crate) spreads: Vec<Spread>,
 }
 
 impl Summary {
     /// Summarises any number of patches.
     #[must_use]
-    pub fn of(scores: &[Scores]) -> Self {
+    pub(crate) fn of(scores: &[Scores]) -> Self {
         let rows: Vec<_> = scores.iter().map(Scores::values).collect();
         let names = rows.first().into_iter().flatten().map(|value| value.0);
         let spreads = names.enumerate().filter_map(|(i, name)| {

@@ -7,7 +7,7 @@
 use super::landforms::sights;
 use crate::dem::Dem;
 use crate::error::{Error, Result};
-use crate::grid::{Cell, Grid, Window, d8, gaussian};
+use crate::grid::{Cell, Grid, d8, gaussian};
 use crate::seed::Seed;
 use rand::Rng;
 use rayon::prelude::*;
@@ -32,9 +32,9 @@ const LEVEL: f64 = 0.017_455;
 /// What is known of a window: quantiles of slope and curvature over the mean slope (5 + 5), the logarithm of that slope, how much the
 /// slopes have one axis, strength, skewness and kurtosis of what each of three Gaussians takes away (9), and the shares of cells that see
 /// 0 to 8 higher and 0 to 8 lower neighbours (9 + 9).
-pub type WindowFeatures = Vec<f32>;
+pub(crate) type WindowFeatures = Vec<f32>;
 /// How many features a window has.
-pub const WINDOW_FEATURES: usize = 39;
+pub(crate) const WINDOW_FEATURES: usize = 39;
 
 /// The features of every whole window without a void, row by row.
 ///

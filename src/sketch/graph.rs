@@ -9,8 +9,10 @@
 //! as a tributary of order 1 where it meets the point nearer to the root; not so a line shorter than five cells (the
 //! paper's shortest part), because strokes that meet at a sharp angle leave such eyelets on the raster. Cost: m log m in the number of lines.
 
+#[cfg(test)]
+use super::Sketch;
 use super::chains::{Chain, Links};
-use super::{LineMap, Sketch, StrokeKind};
+use super::{LineMap, StrokeKind};
 use crate::grid::{Cell, Grid, d8};
 use petgraph::graph::{EdgeIndex, NodeIndex, UnGraph};
 use petgraph::visit::EdgeRef;
@@ -18,33 +20,33 @@ use std::collections::BinaryHeap;
 
 /// An end point, a junction, or a point of its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SketchNode {
+pub(crate) struct SketchNode {
     /// Ridge or valley.
-    pub kind: StrokeKind,
+    pub(crate) kind: StrokeKind,
     /// Where; of a junction of several cells the first in reading order.
-    pub cell: Cell,
+    pub(crate) cell: Cell,
     /// Height there, in the unit of the lines.
-    pub height: f32,
+    pub(crate) height: f32,
 }
 
 /// A line between two nodes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SketchEdge {
+pub(crate) struct SketchEdge {
     /// Ridge or valley.
-    pub kind: StrokeKind,
+    pub(crate) kind: StrokeKind,
     /// The cells from node to node, both ends included.
-    pub cells: Vec<Cell>,
+    pub(crate) cells: Vec<Cell>,
     /// Height at each cell, in the unit of the lines.
-    pub heights: Vec<f32>,
+    pub(crate) heights: Vec<f32>,
     /// Length in cells (a diagonal step counts sqrt 2).
-    pub length: f64,
+    pub(crate) length: f64,
     /// Strahler order, from 1.
-    pub order: u32,
+    pub(crate) order: u32,
 }
 
 /// Ridge and valley networks as one graph without links between the kinds.
 #[derive(Clone, Debug)]
-pub struct SketchGraph {
+pub(crate) struct SketchGraph {
     graph: UnGraph<SketchNode, SketchEdge>,
     ridge_streams: Vec<usize>,
     valley_streams: Vec<usize>,
@@ -53,7 +55,7 @@ pub struct SketchGraph {
 impl SketchGraph {
     /// The network of the lines.
     #[must_use]
-    pub fn of(lines: &LineMap) -> Self {
+    pub(crate) fn of(lines: &LineMap) -> Self {
         let mut graph = UnGraph::default();
         let mut streams = [StrokeKind::Ridge, StrokeKind::Valley].map(|kind| {
             let nodes: Vec<NodeIndex> = add_lines(&mut graph, lines, kind);
@@ -66,32 +68,34 @@ impl SketchGraph {
     /// The network of a sketch on its raster.
     ///
     /// # Panics
-    /// When the sketch is not [valid](Sketch::validate).
+    /// When the sketch is not valid.
     #[must_use]
-    pub fn of_sketch(sketch: &Sketch) -> Self {
+    #[cfg(test)]
+    pub(crate) fn of_sketch(sketch: &Sketch) -> Self {
         Self::of(&sketch.rasterize())
     }
 
     /// Nodes and lines.
     #[must_use]
-    pub fn graph(&self) -> &UnGraph<SketchNode, SketchEdge> {
+    #[cfg(test)]
+    pub(crate) fn graph(&self) -> &UnGraph<SketchNode, SketchEdge> {
         &self.graph
     }
 
     /// The lines of one kind.
-    pub fn edges(&self, kind: StrokeKind) -> impl Iterator<Item = &SketchEdge> {
+    pub(crate) fn edges(&self, kind: StrokeKind) -> impl Iterator<Item = &SketchEdge> {
         self.graph.edge_weights().filter(move |e| e.kind == kind)
     }
 
     /// Summed length of the lines of one kind, in cells.
     #[must_use]
-    pub fn length(&self, kind: StrokeKind) -> f64 {
+    pub(crate) fn length(&self, kind: StrokeKind) -> f64 {
         self.edges(kind).map(|e| e.length).sum()
     }
 
     /// Number of streams by Strahler order, order 1 first: a stream is a chain of lines of one order.
     #[must_use]
-    pub fn stream_counts(&self, kind: StrokeKind) -> &[usize] {
+    pub(crate) fn stream_counts(&self, kind: StrokeKind) -> &[usize] {
         match kind {
             StrokeKind::Ridge => &self.ridge_streams,
             StrokeKind::Valley => &self.valley_streams,
@@ -101,7 +105,7 @@ impl SketchGraph {
     /// Mean over the orders of (streams of an order) / (streams of the next); natural river networks have 3 to 5.
     /// `None` when there is only one order.
     #[must_use]
-    pub fn bifurcation_ratio(&self, kind: StrokeKind) -> Option<f64> {
+    pub(crate) fn bifurcation_ratio(&self, kind: StrokeKind) -> Option<f64> {
         let ratios = self.stream_counts(kind).windows(2).map(|w| w[0] as f64 / w[1] as f64);
         let (sum, count) = ratios.fold((0.0, 0), |(sum, n), r| (sum + r, n + 1));
         (count > 0).then(|| sum / f64::from(count))

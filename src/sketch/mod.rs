@@ -17,10 +17,11 @@ mod thinning;
 mod trace;
 mod wander;
 
-pub use graph::{SketchEdge, SketchGraph, SketchNode};
+pub(crate) use graph::SketchGraph;
 pub use line_map::LineMap;
-pub use motion::Motion;
-pub use part::{PartId, SketchPart};
-pub use split::{PartLengths, split_parts};
+pub(crate) use motion::Motion;
+pub(crate) use part::{PartId, SketchPart};
+pub(crate) use split::PartLengths;
+pub use split::split_parts;
 pub use stroke::{Sketch, Stroke, StrokeKind, Vertex};
 pub(crate) use wander::Displacement;

@@ -12,7 +12,7 @@ const MARGIN: f64 = 16.0;
 
 /// Where a point (column, row) comes to lie.
 #[derive(Clone, Copy, Debug)]
-pub struct Motion {
+pub(crate) struct Motion {
     cos: f64,
     sin: f64,
     mirror: bool,
@@ -31,7 +31,12 @@ impl Motion {
     ///
     /// # Errors
     /// When a map that is not square is to be turned by 90 degrees.
-    pub fn new(turn: f64, mirror: bool, shift: [i32; 2], (rows, cols): (usize, usize)) -> Result<Self> {
+    pub(crate) fn new(
+        turn: f64,
+        mirror: bool,
+        shift: [i32; 2],
+        (rows, cols): (usize, usize),
+    ) -> Result<Self> {
         let quarters = turn % 90.0 == 0.0;
         if quarters && turn % 180.0 != 0.0 && rows != cols {
             return Err(Error::value("turn", turn, "a map turned by 90 degrees must be square"));
@@ -70,7 +75,7 @@ impl Motion {
 
     /// The lines moved, cut off at the frame.
     #[must_use]
-    pub fn lines(&self, lines: &LineMap) -> LineMap {
+    pub(crate) fn lines(&self, lines: &LineMap) -> LineMap {
         let (rows, cols) = lines.shape();
         if self.is_whole {
             let mut moved = LineMap::empty(rows, cols);
@@ -90,7 +95,7 @@ impl Motion {
 
     /// The parts moved, of maps of `shape`.
     #[must_use]
-    pub fn parts(&self, parts: &[SketchPart], shape: (usize, usize)) -> Vec<SketchPart> {
+    pub(crate) fn parts(&self, parts: &[SketchPart], shape: (usize, usize)) -> Vec<SketchPart> {
         let moved = |part: &SketchPart| SketchPart {
             cells: part.cells.iter().filter_map(|&cell| self.cell(cell, shape)).collect(),
             ..part.clone()
@@ -100,7 +105,7 @@ impl Motion {
 
     /// The height of `output`, made of moved lines, for a cell of the lines; none where they are not to be compared.
     #[must_use]
-    pub fn back(&self, output: &Grid<f32>, cell: Cell) -> Option<f64> {
+    pub(crate) fn back(&self, output: &Grid<f32>, cell: Cell) -> Option<f64> {
         let (rows, cols) = output.shape();
         let (x, y) = self.at(cell.col as f64, cell.row as f64);
         if self.is_exact {

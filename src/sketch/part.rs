@@ -7,17 +7,17 @@ use crate::grid::{Cell, d8};
 /// Index of a part in its list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(transparent)]
-pub struct PartId(pub u32);
+pub(crate) struct PartId(pub(crate) u32);
 
 /// A run of consecutive 8-adjacent line cells of one kind, with a height each; 5 to 10 cells in the paper.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SketchPart {
     /// Ridge or valley.
-    pub kind: StrokeKind,
+    pub(crate) kind: StrokeKind,
     /// The cells in order.
-    pub cells: Vec<Cell>,
+    pub(crate) cells: Vec<Cell>,
     /// Height at each cell, in the unit of the map that was cut.
-    pub heights: Vec<f32>,
+    pub(crate) heights: Vec<f32>,
 }
 
 impl SketchPart {
@@ -26,7 +26,7 @@ impl SketchPart {
     /// # Errors
     /// When there is no cell, the heights do not match the cells or are not finite, or two consecutive cells are not
     /// neighbours.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let (cells, heights) = (self.cells.len(), self.heights.len());
         if cells == 0 || cells != heights {
             return Err(Error::value(
@@ -51,7 +51,7 @@ impl SketchPart {
     /// The same part walked from its lower end to its higher end (Algorithm A1, lines 2 to 7); as it is when both ends
     /// are equally high.
     #[must_use]
-    pub fn rising(&self) -> Self {
+    pub(crate) fn rising(&self) -> Self {
         let mut part = self.clone();
         if part.heights.first() > part.heights.last() {
             part.cells.reverse();
@@ -65,7 +65,7 @@ impl SketchPart {
     /// # Panics
     /// When the part is not [valid](Self::validate).
     #[must_use]
-    pub fn codes(&self) -> Vec<u8> {
+    pub(crate) fn codes(&self) -> Vec<u8> {
         let step = |w: &[Cell]| d8::code_between(w[0], w[1]).expect("consecutive cells are neighbours");
         self.cells.windows(2).map(step).collect()
     }

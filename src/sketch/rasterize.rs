@@ -40,7 +40,7 @@ impl Stroke {
 
     /// Whether any point of the stroke lies on a map of `rows` x `cols` cells, and whether all of them do.
     #[must_use]
-    pub fn lies_on(&self, rows: usize, cols: usize) -> (bool, bool) {
+    pub(crate) fn lies_on(&self, rows: usize, cols: usize) -> (bool, bool) {
         let frame = Frame { rows, cols };
         let all = self.vertices.iter().all(|&v| frame.contains(v));
         let any = all || segments(self).any(|(a, b)| frame.clip(a, b).is_some());

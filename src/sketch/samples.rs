@@ -21,7 +21,7 @@ const SAMPLES: [(&str, &str); 11] = [
 ];
 
 /// The names that [`load`] knows, in alphabetical order.
-pub fn names() -> impl Iterator<Item = &'static str> {
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     SAMPLES.iter().map(|(name, _)| *name)
 }
 
@@ -37,7 +37,7 @@ pub fn load(name: &str) -> Result<SketchReading> {
 ///
 /// # Errors
 /// When there is no sample of that name.
-pub fn text(name: &str) -> Result<&'static str> {
+pub(crate) fn text(name: &str) -> Result<&'static str> {
     let sample = SAMPLES.iter().find(|(known, _)| *known == name);
     let allowed = || format!("allowed: {}", names().collect::<Vec<_>>().join(", "));
     Ok(sample.ok_or_else(|| Error::value("sample sketch", name, allowed()))?.1)

@@ -19,13 +19,13 @@ use rand::RngExt;
 #[serde(deny_unknown_fields, default)]
 pub struct PartLengths {
     /// Fewest cells of a part; 5 in the paper (3, 4.1).
-    pub min: usize,
+    pub(crate) min: usize,
     /// Most cells of a part; 10 in the paper (3, 4.1).
-    pub max: usize,
+    pub(crate) max: usize,
     /// Whether runs shorter than `min` become parts of their own. The paper drops them, which is right for lines
     /// extracted from a DEM, where they are noise; with `true` every line cell belongs to exactly one part, which is
     /// right for what a user drew ([`PartLengths::drawn`]).
-    pub keep_short: bool,
+    pub(crate) keep_short: bool,
 }
 
 impl Default for PartLengths {
@@ -37,17 +37,17 @@ impl Default for PartLengths {
 
 impl PartLengths {
     /// The longest part that is allowed; alignment compares parts in machine words of 64 steps.
-    pub const LONGEST: usize = 64;
+    pub(crate) const LONGEST: usize = 64;
 
     /// 5 to 10 cells with nothing dropped: for drawn strokes.
     #[must_use]
-    pub fn drawn() -> Self {
+    pub(crate) fn drawn() -> Self {
         Self { keep_short: true, ..Self::default() }
     }
 
     /// # Errors
     /// When `min` is 0, above `max`, or `max` above [`LONGEST`](Self::LONGEST).
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         if self.min == 0 || self.min > self.max || self.max > Self::LONGEST {
             return Err(Error::value(
                 "part lengths",

@@ -40,7 +40,7 @@ impl StyleConfig {
 
     /// The settings of the network.
     #[must_use]
-    pub fn network(&self) -> RegionNetworkConfig {
+    pub(crate) fn network(&self) -> RegionNetworkConfig {
         RegionNetworkConfig { model: self.model.clone(), generation: self.generation.clone() }
     }
 }
@@ -61,7 +61,7 @@ pub fn generators(settings: GeneratorConfig) -> Result<Arc<dyn DetailPlan>> {
 }
 
 /// Puts `over` on `table`, section by section.
-pub fn overlay(table: &mut toml::Table, over: &toml::Table) {
+pub(crate) fn overlay(table: &mut toml::Table, over: &toml::Table) {
     for (key, value) in over {
         match (table.get_mut(key), value) {
             (Some(toml::Value::Table(below)), toml::Value::Table(above)) => overlay(below, above),
@@ -76,7 +76,7 @@ pub fn overlay(table: &mut toml::Table, over: &toml::Table) {
 ///
 /// # Errors
 /// When a key is unknown, or a value is of the wrong kind or out of range.
-pub fn overlaid<'a, C: Settings>(
+pub(crate) fn overlaid<'a, C: Settings>(
     base: &C,
     over: impl IntoIterator<Item = &'a toml::Table>,
     what: &str,

@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// The word `patches`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Patches {
+pub(crate) enum Patches {
     /// The exemplar's own patches.
     Patches,
 }
@@ -16,7 +16,7 @@ pub enum Patches {
 /// The detail of a style.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum DetailSpec {
+pub(crate) enum DetailSpec {
     /// The exemplar's patches.
     Patches(Patches),
     /// Generators, trained with these settings.
@@ -28,7 +28,7 @@ impl DetailSpec {
     ///
     /// # Errors
     /// When one is out of range.
-    pub fn plan(&self) -> Result<Arc<dyn DetailPlan>> {
+    pub(crate) fn plan(&self) -> Result<Arc<dyn DetailPlan>> {
         match self {
             Self::Patches(_) => Registry::default().plan_detail("patches", &toml::Table::new()),
             Self::Generators(settings) => generators(settings.clone()),

@@ -18,7 +18,7 @@ const RISE: f32 = 1e-4;
 
 /// Where water is given ways out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Drain {
+pub enum Drain {
     /// Where rivers made the exemplar.
     #[default]
     LikeExemplar,
@@ -30,7 +30,7 @@ pub(crate) enum Drain {
 
 impl Style {
     /// The laws of the exemplar's landscape; none where the style keeps no terrain, or too little of it.
-    pub(crate) fn landscape(&self) -> Option<LandscapeFit> {
+    pub fn landscape(&self) -> Option<LandscapeFit> {
         if let Some(system) = self.system::<LandscapeSystem>() {
             return Some(system.0.fit.clone());
         }
@@ -43,7 +43,7 @@ impl Style {
     ///
     /// # Errors
     /// When the shapes differ, a height is not finite, or it is stopped.
-    pub(crate) fn drained(
+    pub fn drained(
         &self,
         terrain: &Grid<f32>,
         sketch: &Sketch,

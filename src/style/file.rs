@@ -14,7 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Metadata key of the style's description.
-pub const KEY: &str = "monadnock";
+pub(crate) const KEY: &str = "monadnock";
 /// Version of the file format that this program writes. It also reads version 1.
 const VERSION: u32 = 2;
 

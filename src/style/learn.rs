@@ -159,7 +159,7 @@ fn checkpoint_of(style: &Path, part: &str) -> PathBuf {
 
 /// The part of `recipe` whose training was interrupted when the style at that path was learned, and its checkpoint.
 #[must_use]
-pub fn unfinished(style: &Path, recipe: &Recipe) -> Option<(&'static str, PathBuf)> {
+pub(crate) fn unfinished(style: &Path, recipe: &Recipe) -> Option<(&'static str, PathBuf)> {
     let all = recipe.names().into_iter().map(|name| (name, checkpoint_of(style, name)));
     all.into_iter().find(|(_, path)| path.exists())
 }

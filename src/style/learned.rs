@@ -16,9 +16,9 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct Stored {
     /// What it says of itself.
-    pub description: Value,
+    pub(crate) description: Value,
     /// Its numbers.
-    pub arrays: Arrays,
+    pub(crate) arrays: Arrays,
 }
 
 /// A coarse system that has learned.
@@ -266,7 +266,7 @@ impl<D: Part + DetailModel> DetailPlan for Planned<D> {
 ///
 /// # Errors
 /// When one is out of range.
-pub fn system_plan<S: System>(settings: S::Config) -> Result<Arc<dyn SystemPlan>> {
+pub(crate) fn system_plan<S: System>(settings: S::Config) -> Result<Arc<dyn SystemPlan>> {
     Ok(Arc::new(Planned::<S>(Checked::new(settings)?)))
 }
 
@@ -274,6 +274,6 @@ pub fn system_plan<S: System>(settings: S::Config) -> Result<Arc<dyn SystemPlan>
 ///
 /// # Errors
 /// When one is out of range.
-pub fn detail_plan<D: Part + DetailModel>(settings: D::Config) -> Result<Arc<dyn DetailPlan>> {
+pub(crate) fn detail_plan<D: Part + DetailModel>(settings: D::Config) -> Result<Arc<dyn DetailPlan>> {
     Ok(Arc::new(Planned::<D>(Checked::new(settings)?)))
 }

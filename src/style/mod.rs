@@ -19,22 +19,27 @@ mod uses;
 mod version1;
 mod windows;
 
-pub use crate::systems::region_gnn::{
-    GenerationConfig, LossValues, Preset, RegionGraph, RegionNetwork, RegionNetworkConfig, TrainingSummary,
+pub(crate) use crate::systems::region_gnn::{
+    GenerationConfig, LossValues, Preset, RegionGraph, RegionNetwork, RegionNetworkConfig,
 };
 pub use crate::systems::singan::DetailConfig as GeneratorConfig;
-pub use crate::systems::task::{Exemplar, ExemplarInfo, Source, fingerprint};
-pub use config::{StyleConfig, generators, overlaid, overlay};
+pub use crate::systems::task::{Exemplar, Source};
+pub(crate) use crate::systems::task::{ExemplarInfo, fingerprint};
+pub use config::{StyleConfig, generators};
+pub(crate) use config::{overlaid, overlay};
 pub use detail::add_detail;
-pub use detail_spec::{DetailSpec, Patches};
+pub(crate) use detail_spec::DetailSpec;
 pub(crate) use drain::Drain;
-pub use file::KEY;
-pub use learn::{learn, unfinished};
-pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, Stored, SystemPlan, detail_plan, system_plan};
-pub use recipe::{Choices, DetailChoice, Recipe, default_window};
-pub use registry::{Named, Registry};
-pub use unseen::{has_unseen, unseen_surface};
-pub use uses::{names, suffix};
+pub use learn::learn;
+pub(crate) use learn::unfinished;
+pub(crate) use learned::{DetailPlan, LearnedDetail, LearnedSystem, SystemPlan, detail_plan};
+pub(crate) use recipe::default_window;
+pub use recipe::{Choices, DetailChoice, Recipe};
+pub(crate) use registry::Named;
+pub use registry::Registry;
+pub(crate) use unseen::has_unseen;
+pub use unseen::unseen_surface;
+pub(crate) use uses::{names, suffix};
 pub use windows::{PATCH, choose_exemplar, patch_cells};
 
 use crate::control::Stop;
@@ -54,20 +59,20 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Origin {
     /// Seed of the training.
-    pub seed: Seed,
+    pub(crate) seed: Seed,
     /// Metres of the unit interval: the exemplar's range.
     pub normalization: Normalization,
     /// The exemplar.
     pub exemplar: ExemplarInfo,
     /// Mean slope of the exemplar, unit heights a cell; absent in styles of older versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mean_slope: Option<f64>,
+    pub(crate) mean_slope: Option<f64>,
     /// How its lines were found.
     pub extraction: ExtractionConfig,
 }
 
 /// Name of the region network.
-pub const NETWORK: &str = <RegionNetwork as crate::systems::task::Part>::NAME;
+pub(crate) const NETWORK: &str = <RegionNetwork as crate::systems::task::Part>::NAME;
 
 /// Which coarse system of a style makes terrain.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -260,7 +260,7 @@ impl Recipe {
 ///
 /// # Errors
 /// When a large DEM holds no whole patch.
-pub fn default_window(dem: &Dem) -> Result<Window> {
+pub(crate) fn default_window(dem: &Dem) -> Result<Window> {
     let whole = Window::whole(dem.shape());
     if whole.rows * whole.cols <= LARGEST_WHOLE {
         return Ok(whole);

@@ -15,7 +15,7 @@ const SEAM: f32 = 8.0;
 
 /// Whether [`unseen_surface`] is asked of this system with an exemplar of `rows` x `cols` cells.
 #[must_use]
-pub fn has_unseen(plan: &dyn SystemPlan, rows: usize, cols: usize) -> bool {
+pub(crate) fn has_unseen(plan: &dyn SystemPlan, rows: usize, cols: usize) -> bool {
     plan.meets_lines() && rows.min(cols / 2) >= SMALLEST_HALF
 }
 

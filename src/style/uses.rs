@@ -47,7 +47,7 @@ impl Style {
 
 /// The names of [`Style::uses`] for a style that is not learned yet.
 #[must_use]
-pub fn names(plans: &[Arc<dyn SystemPlan>], has_detail: bool) -> Vec<String> {
+pub(crate) fn names(plans: &[Arc<dyn SystemPlan>], has_detail: bool) -> Vec<String> {
     let mut names = Vec::new();
     for plan in plans {
         let starts: Vec<(String, Use)> =
@@ -68,7 +68,7 @@ pub fn names(plans: &[Arc<dyn SystemPlan>], has_detail: bool) -> Vec<String> {
 
 /// What stands behind the name of the system in the name of a way to use it: `-aligned+harmonic` of `gnn-aligned+harmonic`.
 #[must_use]
-pub fn suffix<'a>(registry: &Registry, name: &'a str) -> &'a str {
+pub(crate) fn suffix<'a>(registry: &Registry, name: &'a str) -> &'a str {
     let names = registry.system_names();
     let rests = names.iter().filter_map(|system| name.strip_prefix(system));
     rests

@@ -2,10 +2,10 @@
 //! [`singan`] (trained), [`gpnn`] (the exemplar's own patches) and [`sparse`] (sums of its forms) add detail to what they make, and the room `style` puts both together.
 
 pub mod task;
-pub mod classical;
+pub(crate) mod classical;
 pub mod region_gnn;
 pub mod synthesis;
-pub mod singan;
-pub mod gpnn;
-pub mod sparse;
-pub mod landscape;
+pub(crate) mod singan;
+pub(crate) mod gpnn;
+pub(crate) mod sparse;
+pub(crate) mod landscape;

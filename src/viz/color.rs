@@ -4,37 +4,31 @@
 
 /// A colour of a screen: 8-bit sRGB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Rgb {
+pub(crate) struct Rgb {
     /// Red.
-    pub r: u8,
+    pub(crate) r: u8,
     /// Green.
-    pub g: u8,
+    pub(crate) g: u8,
     /// Blue.
-    pub b: u8,
+    pub(crate) b: u8,
 }
 
 impl Rgb {
     /// White.
-    pub const WHITE: Self = Self::hex(0xff_ff_ff);
+    pub(crate) const WHITE: Self = Self::hex(0xff_ff_ff);
     /// Black.
-    pub const BLACK: Self = Self::hex(0);
+    pub(crate) const BLACK: Self = Self::hex(0);
 
     /// The colour written `0xRRGGBB`; higher bits are not part of it.
     #[must_use]
-    pub const fn hex(code: u32) -> Self {
+    pub(crate) const fn hex(code: u32) -> Self {
         let [_, r, g, b] = code.to_be_bytes();
         Self { r, g, b }
     }
 
-    /// The colour as `#rrggbb`.
-    #[must_use]
-    pub fn to_css(self) -> String {
-        format!("#{:02x}{:02x}{:02x}", self.r, self.g, self.b)
-    }
-
     /// This colour laid over `below`: 0 leaves `below`, 1 covers it. Mixed in sRGB, as screens and browsers do it.
     #[must_use]
-    pub fn over(self, below: Self, opacity: f32) -> Self {
+    pub(crate) fn over(self, below: Self, opacity: f32) -> Self {
         let mix = |top: u8, bottom: u8| {
             let (top, bottom) = (f32::from(top), f32::from(bottom));
             (bottom + (top - bottom) * opacity.clamp(0.0, 1.0)).round() as u8
@@ -44,7 +38,8 @@ impl Rgb {
 
     /// Perceived lightness, 0 (black) to 1 (white).
     #[must_use]
-    pub fn lightness(self) -> f32 {
+    #[cfg(test)]
+    pub(crate) fn lightness(self) -> f32 {
         Oklab::from(self).l
     }
 }

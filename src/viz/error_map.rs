@@ -15,7 +15,7 @@ use crate::grid::{Cell, Grid, Mask};
 ///
 /// # Errors
 /// When the shapes differ, a difference is not finite or no cell is valid.
-pub fn error_limit(estimate: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
+pub(crate) fn error_limit(estimate: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
     let difference = differences(estimate, truth, valid)?;
     let known = difference.as_slice().iter().zip(valid.as_slice()).filter(|(_, ok)| **ok);
     let mut sizes: Vec<f64> = known.map(|(d, _)| f64::from(d.abs())).collect();
@@ -32,7 +32,7 @@ pub fn error_limit(estimate: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Res
 ///
 /// # Errors
 /// When the shapes differ, a difference at a valid cell is not finite, or `limit` or `scale` is out of range.
-pub fn error_map(
+pub(crate) fn error_map(
     estimate: &Grid<f32>,
     truth: &Grid<f32>,
     valid: &Mask,

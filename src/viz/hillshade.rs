@@ -10,17 +10,17 @@ use rayon::prelude::*;
 
 /// Rise in metres per metre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Gradient {
+pub(crate) struct Gradient {
     /// Rise towards the east.
-    pub east: f32,
+    pub(crate) east: f32,
     /// Rise towards the north.
-    pub north: f32,
+    pub(crate) north: f32,
 }
 
 impl Gradient {
     /// Steepness: tangent of the slope angle.
     #[must_use]
-    pub fn steepness(self) -> f32 {
+    pub(crate) fn steepness(self) -> f32 {
         self.east.hypot(self.north)
     }
 }
@@ -28,14 +28,14 @@ impl Gradient {
 /// Where the light comes from.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sun {
+pub(crate) struct Sun {
     /// Compass direction of the sun in degrees, clockwise from north.
-    pub azimuth: f64,
+    pub(crate) azimuth: f64,
     /// Height above the horizon in degrees, above 0 up to 90.
-    pub altitude: f64,
+    pub(crate) altitude: f64,
     /// Share of multidirectional light, 0 (one sun) to 1 (four suns, 45 degrees apart, from 90 degrees before to 45
     /// degrees behind the main one, each weighted by how much a slope lies across it).
-    pub multidirectional: f64,
+    pub(crate) multidirectional: f64,
 }
 
 impl Default for Sun {
@@ -49,19 +49,21 @@ impl Default for Sun {
 impl Sun {
     /// One sun from the north-west at 45 degrees.
     #[must_use]
-    pub fn single() -> Self {
+    #[cfg(test)]
+    pub(crate) fn single() -> Self {
         Self { multidirectional: 0.0, ..Self::default() }
     }
 
     /// The brightness of flat ground: the sine of the sun's height.
     #[must_use]
-    pub fn flat_brightness(self) -> f32 {
+    pub(crate) fn flat_brightness(self) -> f32 {
         self.altitude.to_radians().sin() as f32
     }
 
     /// Brightness of a slope, 0 (in its own shadow) to 1 (facing the sun).
     #[must_use]
-    pub fn brightness(self, slope: Gradient) -> f32 {
+    #[cfg(test)]
+    pub(crate) fn brightness(self, slope: Gradient) -> f32 {
         self.lights().brightness(slope)
     }
 
@@ -115,7 +117,7 @@ impl Lights {
 /// # Panics
 /// When the shapes differ.
 #[must_use]
-pub fn gradients(heights: &Grid<f32>, valid: &Mask, cell_size: CellSize) -> Grid<Gradient> {
+pub(crate) fn gradients(heights: &Grid<f32>, valid: &Mask, cell_size: CellSize) -> Grid<Gradient> {
     assert_eq!(heights.shape(), valid.shape(), "heights and mask have one shape");
     let (rows, cols) = heights.shape();
     let (values, known) = (heights.as_slice(), valid.as_slice());
@@ -183,7 +185,7 @@ fn weighted_difference(at: impl Fn(isize, isize) -> Option<f64>) -> f64 {
 /// # Panics
 /// When the shapes differ.
 #[must_use]
-pub fn hillshade(
+pub(crate) fn hillshade(
     heights: &Grid<f32>,
     valid: &Mask,
     cell_size: CellSize,

@@ -13,7 +13,7 @@ pub(super) const SOFT_INK: Rgb = Rgb::hex(0x5c_60_68);
 
 /// A palette with the numbers that it stands for.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ColorBar {
+pub(crate) struct ColorBar {
     palette: Palette,
     low: f64,
     high: f64,
@@ -26,7 +26,7 @@ impl ColorBar {
     ///
     /// # Errors
     /// When the numbers are not finite or not in order.
-    pub fn new(palette: Palette, low: f64, high: f64, title: impl Into<String>) -> Result<Self> {
+    pub(crate) fn new(palette: Palette, low: f64, high: f64, title: impl Into<String>) -> Result<Self> {
         if !(low.is_finite() && high.is_finite() && low < high) {
             let found = format!("{low},{high}");
             return Err(Error::value(
@@ -42,7 +42,7 @@ impl ColorBar {
     ///
     /// # Errors
     /// When `limit` is not positive and finite.
-    pub fn difference(limit: f64, title: impl Into<String>) -> Result<Self> {
+    pub(crate) fn difference(limit: f64, title: impl Into<String>) -> Result<Self> {
         if !(limit.is_finite() && limit > 0.0) {
             return Err(Error::value("limit of the differences", limit, "allowed: positive and finite"));
         }

@@ -15,19 +15,19 @@ use crate::sketch::{LineMap, Sketch, StrokeKind};
 
 /// How lines are drawn over a picture. Widths are in cells of the map, so that they grow with the picture's scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LineStyle {
+pub(crate) struct LineStyle {
     /// Colour of ridges.
-    pub ridge: Rgb,
+    pub(crate) ridge: Rgb,
     /// Colour of valleys.
-    pub valley: Rgb,
+    pub(crate) valley: Rgb,
     /// Width in cells; never thinner than 1.1 pixels.
-    pub width: f64,
+    pub(crate) width: f64,
     /// Colour of the rim on both sides.
-    pub casing: Rgb,
+    pub(crate) casing: Rgb,
     /// Opacity of the rim, 0 to 1.
-    pub casing_opacity: f32,
+    pub(crate) casing_opacity: f32,
     /// Width of the rim on each side in cells; never thinner than 0.6 pixels. 0: no rim.
-    pub casing_width: f64,
+    pub(crate) casing_width: f64,
 }
 
 impl Default for LineStyle {
@@ -60,7 +60,7 @@ struct Segment {
 
 /// Lines ready to be drawn on a map of `rows` x `cols` cells.
 #[derive(Clone, Debug)]
-pub struct LineArt {
+pub(crate) struct LineArt {
     rows: usize,
     cols: usize,
     segments: Vec<Segment>,
@@ -160,7 +160,7 @@ impl LineArt {
     ///
     /// # Errors
     /// When the picture is of another shape, or a width is negative or not finite.
-    pub fn overlay(&self, picture: &mut Picture, style: &LineStyle) -> Result<()> {
+    pub(crate) fn overlay(&self, picture: &mut Picture, style: &LineStyle) -> Result<()> {
         let scale = self.scale_of(picture)?;
         for (name, width) in [("line width", style.width), ("width of the rim", style.casing_width)] {
             if !(width.is_finite() && width >= 0.0) {
@@ -183,7 +183,7 @@ impl LineArt {
     ///
     /// # Errors
     /// When `scale` or a side of the map is out of range.
-    pub fn on_paper(&self, scale: usize) -> Result<Picture> {
+    pub(crate) fn on_paper(&self, scale: usize) -> Result<Picture> {
         check_scale(self.rows, self.cols, scale)?;
         if self.rows == 0 || self.cols == 0 {
             let found = format!("{}x{}", self.rows, self.cols);

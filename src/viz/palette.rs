@@ -8,7 +8,7 @@ use super::color::{Oklab, Rgb};
 /// A colour for every number from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Palette {
+pub(crate) enum Palette {
     /// Height in a temperate or alpine landscape: deep green valleys, meadow, ochre, warm grey rock, white summits.
     #[default]
     Alpine,
@@ -61,7 +61,7 @@ impl Palette {
 
     /// The colour at `t`; numbers outside 0 to 1 get the colour of the nearer end.
     #[must_use]
-    pub fn color(self, t: f32) -> Rgb {
+    pub(crate) fn color(self, t: f32) -> Rgb {
         self.at(t).to_rgb()
     }
 

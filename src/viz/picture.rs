@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// A picture of `rows` x `cols` pixels, 8-bit sRGB, row 0 at the top. Never empty.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picture(Grid<Rgb>);
+pub(crate) struct Picture(Grid<Rgb>);
 
 impl Picture {
     /// One colour everywhere.
@@ -16,7 +16,7 @@ impl Picture {
     /// # Panics
     /// When a side is 0.
     #[must_use]
-    pub fn filled(rows: usize, cols: usize, colour: Rgb) -> Self {
+    pub(crate) fn filled(rows: usize, cols: usize, colour: Rgb) -> Self {
         Self(Grid::filled(rows, cols, colour))
     }
 
@@ -24,36 +24,36 @@ impl Picture {
     ///
     /// # Panics
     /// When a side is 0.
-    pub fn from_fn(rows: usize, cols: usize, f: impl FnMut(Cell) -> Rgb) -> Self {
+    pub(crate) fn from_fn(rows: usize, cols: usize, f: impl FnMut(Cell) -> Rgb) -> Self {
         Self(Grid::from_fn(rows, cols, f))
     }
 
     /// Number of rows.
     #[must_use]
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.0.rows()
     }
 
     /// Number of columns.
     #[must_use]
-    pub fn cols(&self) -> usize {
+    pub(crate) fn cols(&self) -> usize {
         self.0.cols()
     }
 
     /// (rows, columns).
     #[must_use]
-    pub fn shape(&self) -> (usize, usize) {
+    pub(crate) fn shape(&self) -> (usize, usize) {
         self.0.shape()
     }
 
     /// The pixels.
     #[must_use]
-    pub fn pixels(&self) -> &Grid<Rgb> {
+    pub(crate) fn pixels(&self) -> &Grid<Rgb> {
         &self.0
     }
 
     /// The pixels, to be changed.
-    pub fn pixels_mut(&mut self) -> &mut Grid<Rgb> {
+    pub(crate) fn pixels_mut(&mut self) -> &mut Grid<Rgb> {
         &mut self.0
     }
 
@@ -91,7 +91,7 @@ impl Picture {
     /// # Panics
     /// When `factor` is 0.
     #[must_use]
-    pub fn shrunk(&self, factor: usize) -> Self {
+    pub(crate) fn shrunk(&self, factor: usize) -> Self {
         assert!(factor > 0, "a picture shrinks by a factor of at least 1");
         let (rows, cols) = (self.rows().div_ceil(factor), self.cols().div_ceil(factor));
         Self::from_fn(rows, cols, |block| {
@@ -115,7 +115,7 @@ impl Picture {
     /// # Panics
     /// When a side is longer than 2^31 - 1 pixels, which PNG cannot hold; such a picture does not fit into memory.
     #[must_use]
-    pub fn to_png(&self) -> Vec<u8> {
+    pub(crate) fn to_png(&self) -> Vec<u8> {
         let side = |n: usize| u32::try_from(n).expect("a picture's side fits into PNG");
         let bytes: Vec<u8> = self.0.as_slice().iter().flat_map(|c| [c.r, c.g, c.b]).collect();
         let mut file = Vec::new();
@@ -136,7 +136,7 @@ impl Picture {
     ///
     /// # Errors
     /// When the bytes are no such file.
-    pub fn from_png(bytes: &[u8]) -> Result<Self> {
+    pub(crate) fn from_png(bytes: &[u8]) -> Result<Self> {
         let damaged =
             |e: png::DecodingError| Error::value("PNG data", e, "allowed: a picture of this program");
         let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().map_err(damaged)?;
@@ -160,7 +160,7 @@ impl Picture {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write_png(&self, path: &Path) -> Result<()> {
+    pub(crate) fn write_png(&self, path: &Path) -> Result<()> {
         file::write_bytes(path, &self.to_png())
     }
 }

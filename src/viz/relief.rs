@@ -9,7 +9,7 @@ use super::hillshade::{Gradient, Sun, gradients};
 use super::palette::{Palette, look_up};
 use super::upsample::{check_scale, upsample};
 use super::{Picture, Rgb};
-use crate::dem::{CellSize, Dem};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::grid::{Cell, Grid};
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 /// How much heights are stretched before they are shaded (colours always follow the true height).
 #[derive(Clone, Copy, Debug, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Exaggeration {
+pub(crate) enum Exaggeration {
     /// So that the mean steepness becomes [`Exaggeration::TARGET`], within 0.5 to 40: a plain shows its forms and a
     /// mountain range does not drown in shadow.
     #[default]
@@ -29,7 +29,7 @@ pub enum Exaggeration {
 impl Exaggeration {
     /// The mean steepness (rise over run) that [`Auto`](Self::Auto) aims at; chosen by eye on the Alps (90 m), the
     /// Grand Canyon (62 m), the Sierra Nevada (30 m), Saharan dunes (90 m) and the Moon (948 m).
-    pub const TARGET: f64 = 0.5;
+    pub(crate) const TARGET: f64 = 0.5;
 
     fn factor(self, slopes: &Grid<Gradient>, dem: &Dem) -> f64 {
         match self {
@@ -50,21 +50,21 @@ impl Exaggeration {
 /// both from the reference with [`fixed_for`](Self::fixed_for).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Relief {
+pub(crate) struct Relief {
     /// Colours by height.
-    pub palette: Palette,
+    pub(crate) palette: Palette,
     /// The light.
-    pub sun: Sun,
+    pub(crate) sun: Sun,
     /// Light from the whole sky, 0 to 1: how far shadows are opened.
-    pub ambient: f64,
+    pub(crate) ambient: f64,
     /// Stretching of heights for the shading.
-    pub exaggeration: Exaggeration,
+    pub(crate) exaggeration: Exaggeration,
     /// Heights (metres) that get the palette's first and last colour; those beyond get the nearer one. `None`: the
     /// lowest and highest of the DEM drawn.
-    pub range: Option<(f64, f64)>,
+    pub(crate) range: Option<(f64, f64)>,
     /// Pixels a cell, along each side: 1 to 64, and no more than 2^27 in the picture. Heights are interpolated
     /// smoothly.
-    pub scale: usize,
+    pub(crate) scale: usize,
 }
 
 impl Default for Relief {
@@ -83,20 +83,20 @@ impl Default for Relief {
 impl Relief {
     /// The default drawing with another palette.
     #[must_use]
-    pub fn with_palette(palette: Palette) -> Self {
+    pub(crate) fn with_palette(palette: Palette) -> Self {
         Self { palette, ..Self::default() }
     }
 
     /// The same drawing at `scale` pixels per cell.
     #[must_use]
-    pub fn scaled(self, scale: usize) -> Self {
+    pub(crate) fn scaled(self, scale: usize) -> Self {
         Self { scale, ..self }
     }
 
     /// The same drawing with height range and exaggeration set to what `dem` gets, so that other terrain drawn with it
     /// can be compared with `dem` by eye.
     #[must_use]
-    pub fn fixed_for(self, dem: &Dem) -> Self {
+    pub(crate) fn fixed_for(self, dem: &Dem) -> Self {
         let slopes = gradients(dem.heights(), dem.valid(), dem.cell_size());
         let (low, high) = dem.range();
         Self {
@@ -110,7 +110,7 @@ impl Relief {
     ///
     /// # Errors
     /// When a field is out of range.
-    pub fn draw(&self, dem: &Dem) -> Result<Picture> {
+    pub(crate) fn draw(&self, dem: &Dem) -> Result<Picture> {
         self.check()?;
         check_scale(dem.shape().0, dem.shape().1, self.scale)?;
         let slopes = gradients(dem.heights(), dem.valid(), dem.cell_size());
@@ -140,18 +140,6 @@ impl Relief {
             }
         });
         Ok(picture)
-    }
-
-    /// Terrain in the unit interval, drawn as if 1 stood for `relief` metres on cells of `cell_size`; a
-    /// [`range`](Self::range) is in metres above the terrain's 0.
-    ///
-    /// # Errors
-    /// When `relief` is not a positive finite number, a height is not finite, or a field is out of range.
-    pub fn draw_unit(&self, unit: &Grid<f32>, relief: f64, cell_size: CellSize) -> Result<Picture> {
-        if !(relief.is_finite() && relief > 0.0) {
-            return Err(Error::value("relief", relief, "allowed: a positive finite number of metres"));
-        }
-        self.draw(&Dem::new(unit.map(|&u| (f64::from(u) * relief) as f32), cell_size)?)
     }
 
     /// A tint under a light of 0 to 1; flat ground keeps its tint.
@@ -222,6 +210,7 @@ pub(super) fn void_color(at: Cell) -> Rgb {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dem::CellSize;
     use crate::grid::Mask;
 
     fn hills(rows: usize, cols: usize) -> Grid<f32> {
@@ -302,16 +291,6 @@ mod tests {
         assert!((k * mean - Exaggeration::TARGET).abs() < 1e-6);
         let fixed = Relief::default().fixed_for(&hills);
         assert_eq!(fixed.draw(&hills).unwrap(), Relief::default().draw(&hills).unwrap());
-    }
-
-    #[test]
-    fn unit_terrain_looks_like_the_same_terrain_in_metres() {
-        let unit = Grid::from_fn(16, 16, |c| (c.row * c.col) as f32 / 225.0);
-        let size = CellSize::new(30.0, 45.0).unwrap();
-        let metres = Dem::new(unit.map(|u| u * 512.0), size).unwrap();
-        let style = Relief::default().scaled(2);
-        assert_eq!(style.draw_unit(&unit, 512.0, size).unwrap(), style.draw(&metres).unwrap());
-        assert!(style.draw_unit(&unit, f64::NAN, size).is_err());
     }
 
     #[test]

@@ -23,7 +23,7 @@ const FRAME: Rgb = Rgb::hex(0x9a_9c_a0);
 /// # Ok::<(), monadnock::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sheet {
+pub(crate) struct Sheet {
     columns: usize,
     title: String,
     subtitle: String,
@@ -36,7 +36,7 @@ pub struct Sheet {
 impl Sheet {
     /// An empty sheet with `columns` panels per row.
     #[must_use]
-    pub fn new(columns: usize) -> Self {
+    pub(crate) fn new(columns: usize) -> Self {
         Self {
             columns,
             title: String::new(),
@@ -50,56 +50,56 @@ impl Sheet {
 
     /// Large words at the top.
     #[must_use]
-    pub fn title(mut self, title: impl Into<String>) -> Self {
+    pub(crate) fn title(mut self, title: impl Into<String>) -> Self {
         self.title = title.into();
         self
     }
 
     /// Smaller words below the title.
     #[must_use]
-    pub fn subtitle(mut self, subtitle: impl Into<String>) -> Self {
+    pub(crate) fn subtitle(mut self, subtitle: impl Into<String>) -> Self {
         self.subtitle = subtitle.into();
         self
     }
 
     /// The next panel, row by row, and the words below it (may be empty).
     #[must_use]
-    pub fn panel(mut self, picture: Picture, caption: impl Into<String>) -> Self {
+    pub(crate) fn panel(mut self, picture: Picture, caption: impl Into<String>) -> Self {
         self.panels.push((picture, caption.into()));
         self
     }
 
     /// Words above each column.
     #[must_use]
-    pub fn column_heads<T: Into<String>>(mut self, heads: impl IntoIterator<Item = T>) -> Self {
+    pub(crate) fn column_heads<T: Into<String>>(mut self, heads: impl IntoIterator<Item = T>) -> Self {
         self.column_heads = heads.into_iter().map(Into::into).collect();
         self
     }
 
     /// Words at the left of each row, running upwards.
     #[must_use]
-    pub fn row_heads<T: Into<String>>(mut self, heads: impl IntoIterator<Item = T>) -> Self {
+    pub(crate) fn row_heads<T: Into<String>>(mut self, heads: impl IntoIterator<Item = T>) -> Self {
         self.row_heads = heads.into_iter().map(Into::into).collect();
         self
     }
 
     /// A colour bar in the footer.
     #[must_use]
-    pub fn color_bar(mut self, bar: ColorBar) -> Self {
+    pub(crate) fn color_bar(mut self, bar: ColorBar) -> Self {
         self.legends.push(Legend::Bar(bar));
         self
     }
 
     /// A scale bar in the footer, for panels in which a pixel is `metres` wide on the ground.
     #[must_use]
-    pub fn scale_bar(mut self, metres: f64) -> Self {
+    pub(crate) fn scale_bar(mut self, metres: f64) -> Self {
         self.legends.push(Legend::Scale(metres));
         self
     }
 
     /// A key in the footer: colours and what they mean.
     #[must_use]
-    pub fn key<T: Into<String>>(mut self, entries: impl IntoIterator<Item = (Rgb, T)>) -> Self {
+    pub(crate) fn key<T: Into<String>>(mut self, entries: impl IntoIterator<Item = (Rgb, T)>) -> Self {
         self.legends.push(Legend::Key(entries.into_iter().map(|(c, name)| (c, name.into())).collect()));
         self
     }
@@ -109,7 +109,7 @@ impl Sheet {
     /// # Errors
     /// When there is no column or no panel, panels differ in shape, heads do not fit the grid, or a scale is not
     /// positive and finite.
-    pub fn draw(&self) -> Result<Picture> {
+    pub(crate) fn draw(&self) -> Result<Picture> {
         self.check()?;
         let plan = Plan::of(self);
         let mut sheet = Picture::filled(plan.rows, plan.cols, SHEET);

@@ -11,7 +11,7 @@ use proj_core::{
 
 /// What the coordinates of a system are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CrsKind {
+pub(crate) enum CrsKind {
     /// Longitude and latitude in degrees.
     Geographic,
     /// East and north in a plane.
@@ -55,7 +55,7 @@ impl Crs {
     /// The system of an EPSG code (3857, 26911; also a few codes of Esri's that files use like EPSG's, as 102100 and
     /// 54004); `None` when the table does not have it.
     #[must_use]
-    pub fn from_epsg(code: u32) -> Option<Self> {
+    pub(crate) fn from_epsg(code: u32) -> Option<Self> {
         let known = match proj_core::lookup_epsg(same_as(code)) {
             Some(known) => Self::of(&known).ok()?,
             None => Self::parse(&missing::definition(code)?).ok()?,
@@ -115,7 +115,7 @@ impl Crs {
 
     /// Metres in a unit of the heights of a vertical system; `None` when the table does not have its EPSG code.
     #[must_use]
-    pub fn metres_per_height(vertical_epsg: u32) -> Option<f64> {
+    pub(crate) fn metres_per_height(vertical_epsg: u32) -> Option<f64> {
         proj_core::lookup_vertical_epsg(vertical_epsg).map(|v| v.linear_unit_to_meter())
     }
 
@@ -123,14 +123,14 @@ impl Crs {
     ///
     /// # Errors
     /// When the number is not positive and finite.
-    pub fn projected_in(metres: f64) -> Result<Self> {
+    pub(crate) fn projected_in(metres: f64) -> Result<Self> {
         positive(metres)?;
         Ok(Self { map: Map::Projected(None, metres), ..Self::UNKNOWN })
     }
 
     /// Degrees on an ellipsoid that no code names, as the Moon's.
     #[must_use]
-    pub fn geographic(ellipsoid: Ellipsoid) -> Self {
+    pub(crate) fn geographic(ellipsoid: Ellipsoid) -> Self {
         Self { ellipsoid, ..Self::UNKNOWN }
     }
 
@@ -179,7 +179,7 @@ impl Crs {
 
     /// What the coordinates are.
     #[must_use]
-    pub fn kind(&self) -> CrsKind {
+    pub(crate) fn kind(&self) -> CrsKind {
         match self.map {
             Map::Geographic => CrsKind::Geographic,
             Map::Projected(..) => CrsKind::Projected,
@@ -189,7 +189,7 @@ impl Crs {
 
     /// The code that names it.
     #[must_use]
-    pub fn epsg(&self) -> Option<u32> {
+    pub(crate) fn epsg(&self) -> Option<u32> {
         self.epsg
     }
 
@@ -208,15 +208,9 @@ impl Crs {
         (self.base != 0).then_some(self.base)
     }
 
-    /// EPSG's name; empty for a system without a code.
-    #[must_use]
-    pub fn name(&self) -> &'static str {
-        self.name
-    }
-
     /// Its ellipsoid; WGS 84 when it did not say.
     #[must_use]
-    pub fn ellipsoid(&self) -> Ellipsoid {
+    pub(crate) fn ellipsoid(&self) -> Ellipsoid {
         self.ellipsoid
     }
 
@@ -231,13 +225,13 @@ impl Crs {
 
     /// Metres in a unit of the heights, when it is a compound system that says so.
     #[must_use]
-    pub fn vertical_metres_per_unit(&self) -> Option<f64> {
+    pub(crate) fn vertical_metres_per_unit(&self) -> Option<f64> {
         self.vertical
     }
 
     /// The same system with heights in units of so many metres, or of no stated unit.
     #[must_use]
-    pub fn with_heights(self, metres: Option<f64>) -> Self {
+    pub(crate) fn with_heights(self, metres: Option<f64>) -> Self {
         Self { vertical: metres, ..self }
     }
 
@@ -245,7 +239,7 @@ impl Crs {
     ///
     /// # Errors
     /// When the number is not positive and finite.
-    pub fn with_metres_per_unit(self, metres: f64) -> Result<Self> {
+    pub(crate) fn with_metres_per_unit(self, metres: f64) -> Result<Self> {
         positive(metres)?;
         Ok(match self.map {
             Map::Projected(_, old) if old == metres => self,
@@ -259,7 +253,7 @@ impl Crs {
 
     /// In words: "EPSG:2227, US survey foot (0.3048006096 m)".
     #[must_use]
-    pub fn in_words(&self) -> String {
+    pub(crate) fn in_words(&self) -> String {
         let name = match (self.epsg, self.map) {
             (Some(code), _) if self.name.is_empty() => format!("EPSG:{code}"),
             (Some(code), _) => format!("EPSG:{code} ({})", self.name),

@@ -2,21 +2,21 @@
 
 /// An ellipsoid of revolution.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ellipsoid {
+pub(crate) struct Ellipsoid {
     /// Equatorial radius, metres.
-    pub semi_major: f64,
+    pub(crate) semi_major: f64,
     /// (a - b) / a, at least 0 and below 1.
-    pub flattening: f64,
+    pub(crate) flattening: f64,
 }
 
 impl Ellipsoid {
     /// The Earth's, as GPS has it.
-    pub const WGS84: Self = Self { semi_major: 6_378_137.0, flattening: 1.0 / 298.257_223_563 };
+    pub(crate) const WGS84: Self = Self { semi_major: 6_378_137.0, flattening: 1.0 / 298.257_223_563 };
 
     /// Metres in a degree of longitude and of latitude, at `latitude` degrees: N cos(latitude) and the meridional radius M
     /// (Snyder 1987, *Map Projections*, eq. 4-18 and 4-20).
     #[must_use]
-    pub fn metres_per_degree(self, latitude: f64) -> (f64, f64) {
+    pub(crate) fn metres_per_degree(self, latitude: f64) -> (f64, f64) {
         let (sin, cos) = latitude.to_radians().sin_cos();
         let (e2, prime_vertical) = self.prime_vertical(sin);
         let meridional = prime_vertical * (1.0 - e2) / (1.0 - e2 * sin * sin);

@@ -39,9 +39,9 @@ pub struct Ground {
     /// Sides of a cell, metres.
     pub cell_size: CellSize,
     /// Nothing says what a unit of the coordinates is: metres were assumed, and a note says so.
-    pub assumed: bool,
+    pub(crate) assumed: bool,
     /// What a careful reader would like to know: what was assumed, what was corrected.
-    pub notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 impl Georeference {
@@ -53,7 +53,7 @@ impl Georeference {
 
     /// The coordinate system in words, with its unit; says so when there is none or its code is not known.
     #[must_use]
-    pub fn coordinates_in_words(&self) -> String {
+    pub(crate) fn coordinates_in_words(&self) -> String {
         match (self.crs(), self.epsg) {
             (Some(crs), _) => crs.in_words(),
             (None, Some(code)) => format!("EPSG:{code}, unknown"),

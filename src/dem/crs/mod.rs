@@ -15,9 +15,9 @@ mod other;
 mod tests;
 mod units;
 
+pub use definition::Crs;
+pub(crate) use definition::CrsKind;
 pub(in crate::dem) use definition::same_as;
-pub use definition::{Crs, CrsKind};
-pub use ellipsoid::Ellipsoid;
-pub use ground::Ground;
+pub(crate) use ellipsoid::Ellipsoid;
 pub(in crate::dem) use units::unit_code;
-pub use units::{linear_unit, unit_in_words, vertical_unit};
+pub(crate) use units::{linear_unit, unit_in_words, vertical_unit};

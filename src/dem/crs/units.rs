@@ -59,13 +59,13 @@ const SAME: f64 = 1e-8;
 
 /// Metres in the linear unit of an EPSG code (9001 is the metre); `None` when there is no such unit.
 #[must_use]
-pub fn linear_unit(epsg: u32) -> Option<f64> {
+pub(crate) fn linear_unit(epsg: u32) -> Option<f64> {
     UNITS.iter().find(|(code, ..)| u32::from(*code) == epsg).map(|(_, metres, _)| *metres)
 }
 
 /// Metres in the height unit that GDAL, PROJ or a person names ("ft", "us-ft", "US survey foot"); `None` when unknown.
 #[must_use]
-pub fn vertical_unit(name: &str) -> Option<f64> {
+pub(crate) fn vertical_unit(name: &str) -> Option<f64> {
     let name = name.trim().to_ascii_lowercase().replace(['_', '-'], " ");
     let short = match name.as_str() {
         "m" | "meter" | "metres" | "meters" => Some(9001),
@@ -91,7 +91,7 @@ pub(in crate::dem) fn unit_code(metres: f64) -> Option<u16> {
 
 /// A unit of so many metres in words: "metre", "US survey foot (0.3048006096 m)".
 #[must_use]
-pub fn unit_in_words(metres: f64) -> String {
+pub(crate) fn unit_in_words(metres: f64) -> String {
     match nearest(metres) {
         Some((9001, ..)) => "metre".to_owned(),
         Some((_, metres, name)) => format!("{name} ({} m)", short(metres)),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// A terrain file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Format {
+pub(crate) enum Format {
     /// TIFF or BigTIFF with GeoTIFF and GDAL tags.
     GeoTiff,
     /// SRTM height file: square big-endian 16-bit tile named after its south-west corner.
@@ -26,7 +26,7 @@ pub(super) const WRITABLE: &str = "allowed: .tif, .tiff, .png, .npy, .asc";
 impl Format {
     /// The format that `path`'s extension stands for.
     #[must_use]
-    pub fn of_extension(path: &Path) -> Option<Self> {
+    pub(crate) fn of_extension(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
             "tif" | "tiff" | "gtiff" => Self::GeoTiff,
@@ -40,7 +40,7 @@ impl Format {
 
     /// The format that a file's first bytes show; an `.hgt` shows none.
     #[must_use]
-    pub fn of_content(bytes: &[u8]) -> Option<Self> {
+    pub(crate) fn of_content(bytes: &[u8]) -> Option<Self> {
         match bytes {
             [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..] => Some(Self::GeoTiff),
             [0x89, b'P', b'N', b'G', ..] => Some(Self::Png),

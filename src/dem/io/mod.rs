@@ -37,9 +37,10 @@ mod sidecars;
 mod writing;
 
 pub use description::{CellSizeSource, Description};
-pub use format::Format;
+pub(crate) use format::Format;
 pub use options::{Nodata, ReadOptions, SampleType, WriteOptions};
-pub use reading::{MAX_FILE_BYTES, read, read_bytes, read_described, read_with_sidecars};
-pub use samples::MAX_CELLS;
-pub use sidecars::{Sidecar, beside as sidecars_beside};
-pub use writing::{check_name, write};
+pub(crate) use reading::{MAX_FILE_BYTES, read_with_sidecars};
+pub use reading::{read, read_bytes, read_described};
+pub(crate) use sidecars::{Sidecar, beside as sidecars_beside};
+pub(crate) use writing::check_name;
+pub use writing::write;

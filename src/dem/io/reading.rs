@@ -12,7 +12,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// The largest file that is read: 4 GiB. All of it is held in memory while it is unpacked.
-pub const MAX_FILE_BYTES: u64 = 1 << 32;
+pub(crate) const MAX_FILE_BYTES: u64 = 1 << 32;
 
 /// The largest content of a file packed with gzip or zip: 1 GiB, so that a small file cannot claim all memory.
 pub(super) const MAX_UNPACKED_BYTES: u64 = 1 << 30;
@@ -55,7 +55,7 @@ pub fn read_bytes(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(D
 ///
 /// # Errors
 /// As [`read_bytes`].
-pub fn read_with_sidecars(
+pub(crate) fn read_with_sidecars(
     path: &Path,
     bytes: &[u8],
     files: &[Sidecar],

@@ -8,7 +8,7 @@ use crate::grid::Grid;
 use std::path::Path;
 
 /// The largest raster that is read: 2^28 cells (16384 x 16384), about 1.3 GB as a [`Dem`].
-pub const MAX_CELLS: u64 = 1 << 28;
+pub(crate) const MAX_CELLS: u64 = 1 << 28;
 
 /// Heights beyond this many metres are taken for undeclared nodata markers (3.4e38, 2^31 - 1, ...): an error.
 const MAX_HEIGHT: f64 = 1e6;

@@ -22,11 +22,11 @@ const UNREAD: [&str; 6] = [".aux", ".hdr", ".tab", ".qpj", ".points", ".gcp"];
 
 /// A file beside a raster: its name and what is in it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Sidecar {
+pub(crate) struct Sidecar {
     /// Name without folder.
-    pub name: String,
+    pub(crate) name: String,
     /// Content.
-    pub bytes: Vec<u8>,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// What the files beside a raster say.
@@ -102,7 +102,7 @@ fn kind(raster: &str, name: &str) -> Option<Kind> {
 ///
 /// # Errors
 /// When one that counts cannot be read.
-pub fn beside(path: &Path) -> Result<Vec<Sidecar>> {
+pub(crate) fn beside(path: &Path) -> Result<Vec<Sidecar>> {
     let raster = super::format::unpacked_name(path);
     let Some(raster) = raster.file_name().and_then(OsStr::to_str) else { return Ok(Vec::new()) };
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

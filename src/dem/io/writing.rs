@@ -11,7 +11,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// When the extension is none that can be written.
-pub fn check_name(path: &Path) -> Result<Format> {
+pub(crate) fn check_name(path: &Path) -> Result<Format> {
     let unknown = || {
         let extension = path.extension().map_or("absent".to_owned(), |e| format!(".{}", e.display()));
         Error::file(path, "file extension", extension, WRITABLE)

@@ -38,7 +38,7 @@ pub(super) fn of(kind: Kind) -> &'static dyn Protocol {
 impl ExperimentSpec {
     /// The columns of scores that this experiment gives.
     #[must_use]
-    pub fn columns(&self) -> Vec<&'static str> {
+    pub(crate) fn columns(&self) -> Vec<&'static str> {
         of(self.kind).columns()
     }
 
@@ -46,7 +46,7 @@ impl ExperimentSpec {
     ///
     /// # Errors
     /// When a style's configuration or a system's name is not allowed.
-    pub fn systems(&self) -> Result<Vec<String>> {
+    pub(crate) fn systems(&self) -> Result<Vec<String>> {
         let mut systems = Vec::new();
         for style in &self.style {
             systems.extend(self.labels(style)?);
@@ -68,7 +68,7 @@ impl ExperimentSpec {
 
     /// The sketches; the protocol's own when the file names none.
     #[must_use]
-    pub fn sketches(&self) -> Vec<SketchSpec> {
+    pub(crate) fn sketches(&self) -> Vec<SketchSpec> {
         if self.sketch.is_empty() { of(self.kind).sketches(self) } else { self.sketch.clone() }
     }
 }

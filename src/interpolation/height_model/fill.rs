@@ -32,13 +32,13 @@ pub struct Filled {
     /// The sketch; strokes in the same order.
     pub sketch: Sketch,
     /// Strokes that had no height, and those that had some of them.
-    pub without: usize,
+    pub(crate) without: usize,
     /// Strokes of which a part was open.
-    pub partly: usize,
+    pub(crate) partly: usize,
     /// Indices of strokes at one of whose ends the water was assumed to leave the map or end, as nothing given tells.
-    pub assumed_outlets: Vec<usize>,
+    pub(crate) assumed_outlets: Vec<usize>,
     /// Indices of valley strokes whose given heights rise downstream; they are kept.
-    pub rising: Vec<usize>,
+    pub(crate) rising: Vec<usize>,
 }
 
 impl HeightModel {

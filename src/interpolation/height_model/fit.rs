@@ -31,13 +31,13 @@ const AREA_STEP: f64 = 2.0;
 #[serde(deny_unknown_fields)]
 pub struct Density {
     /// Mean distance to the nearest valley over the map, cells.
-    pub spacing: f64,
+    pub(crate) spacing: f64,
     /// Height of a ridge above the nearest valley, one cell away, metres: c of c d^p.
-    pub relief: f64,
+    pub(crate) relief: f64,
     /// p of c d^p.
-    pub exponent: f64,
+    pub(crate) exponent: f64,
     /// Standard deviation of the height above the nearest valley, as a share of it.
-    pub spread: f64,
+    pub(crate) spread: f64,
     /// Mean and standard deviation of the heights of ridges, metres.
     pub ridges: [f64; 2],
     /// The same of valleys.
@@ -49,15 +49,15 @@ pub struct Density {
 #[serde(deny_unknown_fields)]
 pub struct HeightModel {
     /// Slope of a valley that drains one cell, metres a cell: k of k A^-theta.
-    pub valley_slope: f64,
+    pub(crate) valley_slope: f64,
     /// theta of k A^-theta.
-    pub concavity: f64,
+    pub(crate) concavity: f64,
     /// Standard deviation of the slope over ten cells, as a share of it.
-    pub slope_spread: f64,
+    pub(crate) slope_spread: f64,
     /// Root of the mean square change of height along a ridge over one cell, metres; over n cells root n times as much.
-    pub ridge_step: f64,
+    pub(crate) ridge_step: f64,
     /// Standard deviation of all heights, metres.
-    pub deviation: f64,
+    pub(crate) deviation: f64,
     /// From dense to sparse lines; at least one.
     pub densities: Vec<Density>,
 }
@@ -108,7 +108,7 @@ impl HeightModel {
 
     /// The same model where the range `from` has become the range `to`: heights move, differences grow with it.
     #[must_use]
-    pub fn in_range(&self, from: Normalization, to: Normalization) -> Self {
+    pub(crate) fn in_range(&self, from: Normalization, to: Normalization) -> Self {
         let factor = (to.high() - to.low()) / (from.high() - from.low());
         let place =
             |[mean, deviation]: [f64; 2]| [to.low() + (mean - from.low()) * factor, deviation * factor];

@@ -18,5 +18,6 @@ mod network;
 #[cfg(test)]
 mod tests;
 
-pub use fill::Filled;
+#[cfg(test)]
+pub(crate) use fill::Filled;
 pub use fit::{Density, HeightModel};

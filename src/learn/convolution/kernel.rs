@@ -10,20 +10,20 @@ use crate::error::{Error, Result};
 ///
 /// 3x3 with stride 1 from and to channels that [`check_channels`] knows takes the fast way; all else is a direct sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kernel {
+pub(crate) struct Kernel {
     side: usize,
     stride: usize,
 }
 
 impl Kernel {
     /// One cell: a product of a pixel's channels with a matrix.
-    pub const DOT: Self = Self { side: 1, stride: 1 };
+    pub(crate) const DOT: Self = Self { side: 1, stride: 1 };
 
     /// A kernel of `side` x `side` cells.
     ///
     /// # Errors
     /// When the side is not 1 to 4, or the stride neither 1 nor 2 or larger than the side.
-    pub fn new(side: usize, stride: usize) -> Result<Self> {
+    pub(crate) fn new(side: usize, stride: usize) -> Result<Self> {
         if !(1..=4).contains(&side) {
             return Err(Error::value("side of a convolution's kernel", side, "allowed: 1 to 4"));
         }
@@ -42,14 +42,14 @@ impl Kernel {
     /// # Panics
     /// When the input is smaller than the kernel.
     #[must_use]
-    pub const fn outputs(self, inputs: usize) -> usize {
+    pub(crate) const fn outputs(self, inputs: usize) -> usize {
         assert!(inputs >= self.side, "an input at least as large as the kernel");
         (inputs - self.side) / self.stride + 1
     }
 
     /// The frame that an output's gradient wears.
     #[must_use]
-    pub const fn frame(self) -> usize {
+    pub(crate) const fn frame(self) -> usize {
         if self.stride == 1 { self.side - 1 } else { 2 }
     }
 
@@ -61,7 +61,7 @@ impl Kernel {
     ///
     /// # Panics
     /// When shapes do not fit.
-    pub fn convolve<'a>(
+    pub(crate) fn convolve<'a>(
         &self,
         input: impl Into<Image<'a>>,
         weights: &[f32],
@@ -81,7 +81,7 @@ impl Kernel {
     ///
     /// # Panics
     /// When shapes do not fit.
-    pub fn input_gradient(&self, delta: &Plane, weights: &[f32], out: &mut Plane, finish: Finish<'_>) {
+    pub(crate) fn input_gradient(&self, delta: &Plane, weights: &[f32], out: &mut Plane, finish: Finish<'_>) {
         let (channels, out_channels) = (out.channels(), delta.channels());
         if self.is_fast(out_channels, channels) {
             return convolve(delta, &turned(weights, channels, out_channels), out, finish);
@@ -103,7 +103,7 @@ impl Kernel {
     ///
     /// # Panics
     /// When shapes do not fit.
-    pub fn transpose(
+    pub(crate) fn transpose(
         &self,
         input: &Plane,
         weights: &[f32],
@@ -125,7 +125,7 @@ impl Kernel {
     /// # Panics
     /// When nothing is left.
     #[must_use]
-    pub const fn transposed_outputs(self, inputs: usize, crop: usize) -> usize {
+    pub(crate) const fn transposed_outputs(self, inputs: usize, crop: usize) -> usize {
         let whole = (inputs - 1) * self.stride + self.side;
         assert!(whole > 2 * crop, "something is left of the output");
         whole - 2 * crop
@@ -135,7 +135,12 @@ impl Kernel {
     ///
     /// # Panics
     /// When shapes do not fit.
-    pub fn add_weight_gradient<'a>(&self, input: impl Into<Image<'a>>, delta: &Plane, gradient: &mut [f32]) {
+    pub(crate) fn add_weight_gradient<'a>(
+        &self,
+        input: impl Into<Image<'a>>,
+        delta: &Plane,
+        gradient: &mut [f32],
+    ) {
         let input = input.into();
         if self.is_fast(input.channels, delta.channels()) {
             return add_weight_gradient(input, delta, gradient);

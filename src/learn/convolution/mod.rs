@@ -24,9 +24,10 @@ mod plane;
 mod winograd;
 
 pub use finish::Finish;
-pub use kernel::Kernel;
+pub(crate) use kernel::Kernel;
 pub use op::convolve3;
-pub use plane::{Image, Plane};
+pub(crate) use plane::Image;
+pub use plane::Plane;
 
 use crate::error::{Error, Result};
 use crate::machine;
@@ -45,7 +46,7 @@ const TILES: usize = 128;
 ///
 /// # Errors
 /// Names the channels that do not fit.
-pub fn check_channels(channels: usize, out_channels: usize) -> Result<()> {
+pub(crate) fn check_channels(channels: usize, out_channels: usize) -> Result<()> {
     let whole = matches!(channels, 32 | 64 | 128);
     if !(whole || matches!(channels, 1..=3)) {
         return Err(Error::value(

@@ -36,54 +36,54 @@ impl Plane {
 
     /// Rows inside the frame.
     #[must_use]
-    pub const fn rows(&self) -> usize {
+    pub(crate) const fn rows(&self) -> usize {
         self.rows
     }
 
     /// Columns inside the frame.
     #[must_use]
-    pub const fn cols(&self) -> usize {
+    pub(crate) const fn cols(&self) -> usize {
         self.cols
     }
 
     /// Channels of a pixel.
     #[must_use]
-    pub const fn channels(&self) -> usize {
+    pub(crate) const fn channels(&self) -> usize {
         self.channels
     }
 
     /// Width of the frame, cells.
     #[must_use]
-    pub const fn border(&self) -> usize {
+    pub(crate) const fn border(&self) -> usize {
         self.border
     }
 
     /// (rows, columns) with the frame.
     #[must_use]
-    pub const fn stored(&self) -> (usize, usize) {
+    pub(crate) const fn stored(&self) -> (usize, usize) {
         (self.rows + 2 * self.border, self.cols + 2 * self.border)
     }
 
     /// All values with the frame, row by row.
     #[must_use]
-    pub fn values(&self) -> &[f32] {
+    pub(crate) fn values(&self) -> &[f32] {
         &self.values
     }
 
     /// All values with the frame. Who writes into the frame is its own judge.
-    pub fn values_mut(&mut self) -> &mut [f32] {
+    pub(crate) fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
     }
 
     /// All values with the frame, row by row.
     #[must_use]
-    pub fn into_values(self) -> Vec<f32> {
+    pub(crate) fn into_values(self) -> Vec<f32> {
         self.values
     }
 
     /// The values of a row inside the frame, (cols, channels).
     #[must_use]
-    pub fn row(&self, row: usize) -> &[f32] {
+    pub(crate) fn row(&self, row: usize) -> &[f32] {
         let start = self.start_of(row);
         &self.values[start..start + self.cols * self.channels]
     }
@@ -114,7 +114,7 @@ impl<'a> Image<'a> {
     /// # Panics
     /// When the number of values does not fit.
     #[must_use]
-    pub fn new(rows: usize, cols: usize, channels: usize, values: &'a [f32]) -> Self {
+    pub(crate) fn new(rows: usize, cols: usize, channels: usize, values: &'a [f32]) -> Self {
         assert_eq!(values.len(), rows * cols * channels, "an image of {rows}x{cols}x{channels}");
         Self { values, rows, cols, channels }
     }

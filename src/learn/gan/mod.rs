@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 /// What a critic's scores are worth to both players; means over all scores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Loss {
+pub(crate) enum Loss {
     /// max(0, 1 - s) on the real and max(0, 1 + s) on the made; the generator's is -s (Lim & Ye 2017).
     Hinge,
     /// Binary cross-entropy of sigmoid(s); the generator's is the one that does not saturate (Goodfellow et al. 2014).
@@ -22,7 +22,7 @@ pub enum Loss {
 
 /// Whose loss, on what.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Turn {
+pub(crate) enum Turn {
     /// The critic's, on the exemplar.
     Real,
     /// The critic's, on what the generator made.
@@ -36,7 +36,7 @@ impl Loss {
     ///
     /// # Panics
     /// When the sizes differ.
-    pub fn of(self, turn: Turn, scores: &Plane, weight: f32, delta: &mut Plane) -> f64 {
+    pub(crate) fn of(self, turn: Turn, scores: &Plane, weight: f32, delta: &mut Plane) -> f64 {
         let size = |p: &Plane| (p.rows(), p.cols(), p.channels());
         assert_eq!(size(scores), size(delta), "a gradient for each score");
         let share = weight / (scores.rows() * scores.cols() * scores.channels()) as f32;
@@ -73,7 +73,7 @@ impl Loss {
 
 /// Over what the norm of a gradient penalty is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NormOver {
+pub(crate) enum NormOver {
     /// The channels of a pixel (SinGAN's published code).
     Pixel,
     /// A whole image (Gulrajani et al. 2017).
@@ -87,7 +87,7 @@ pub enum NormOver {
 /// Exact, without a second derivative: with v = 2 (|g| - 1) g / (n |g|) held constant, the gradient is that of the directional
 /// derivative of the critic along v, which a tangent carries forward beside the values. Where g is 0 the norm has no
 /// derivative: 0 stands for it. Other inputs count as constants.
-pub fn add_gradient_penalty(
+pub(crate) fn add_gradient_penalty(
     tape: &mut Tape,
     values: &[f32],
     layer: LayerId,
@@ -129,43 +129,43 @@ pub fn add_gradient_penalty(
 
 /// A network that is being trained, and its optimiser.
 #[derive(Debug)]
-pub struct Player {
+pub(crate) struct Player {
     /// What it looks like.
-    pub net: Net,
+    pub(crate) net: Net,
     /// All trainable values.
-    pub values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
     /// Running moments of its batch normalisations.
-    pub running: Vec<Moments>,
+    pub(crate) running: Vec<Moments>,
     adam: Adam,
 }
 
 impl Player {
     /// A player that begins with `values`; `beta`: Adam's first.
     #[must_use]
-    pub fn new(net: Net, values: Vec<f32>, beta: f32) -> Self {
+    pub(crate) fn new(net: Net, values: Vec<f32>, beta: f32) -> Self {
         let adam = Adam::flat(values.len(), beta);
         Self { running: net.running(), net, values, adam }
     }
 
     /// Takes over values and running moments of a player of the same net.
-    pub fn begin_with(&mut self, other: &Self) {
+    pub(crate) fn begin_with(&mut self, other: &Self) {
         self.values.clone_from(&other.values);
         self.running.clone_from(&other.running);
     }
 
     /// One step against `gradient`.
-    pub fn descend(&mut self, gradient: &[f32], rate: f32) {
+    pub(crate) fn descend(&mut self, gradient: &[f32], rate: f32) {
         self.adam.descend(&mut self.values, gradient, rate);
     }
 
     /// Steps taken.
     #[must_use]
-    pub const fn steps(&self) -> usize {
+    pub(crate) const fn steps(&self) -> usize {
         self.adam.steps()
     }
 
     /// Everything that training has changed, by names that begin with `name`.
-    pub fn state<'a>(&'a self, name: &str) -> Vec<(String, &'a [f32])> {
+    pub(crate) fn state<'a>(&'a self, name: &str) -> Vec<(String, &'a [f32])> {
         let mut state = vec![(format!("{name}.values"), &self.values[..])];
         for (mean, square) in self.adam.moments() {
             state.push((format!("{name}.mean"), mean));
@@ -182,7 +182,7 @@ impl Player {
     ///
     /// # Errors
     /// When numbers are missing or damaged.
-    pub fn restore(&mut self, name: &str, steps: usize, numbers: &mut Numbers) -> Result<()> {
+    pub(crate) fn restore(&mut self, name: &str, steps: usize, numbers: &mut Numbers) -> Result<()> {
         let count = self.values.len();
         let mut take = |what: &str, count| numbers.take(&format!("{name}.{what}"), count);
         self.values = take("values", count)?;
@@ -198,7 +198,7 @@ impl Player {
 }
 
 /// An adversarial training, step by step.
-pub trait Game: Send {
+pub(crate) trait Game: Send {
     /// What a step says of itself.
     type Report: Send;
 
@@ -210,13 +210,13 @@ pub trait Game: Send {
 
 /// How long a game goes on.
 #[derive(Clone, Copy, Debug)]
-pub struct Length {
+pub(crate) struct Length {
     /// Steps, when no time is set.
-    pub steps: usize,
+    pub(crate) steps: usize,
     /// Time instead of steps: the schedule follows the clock.
-    pub time: Option<Duration>,
+    pub(crate) time: Option<Duration>,
     /// Steps and seconds of it that lie behind, before an interruption.
-    pub done: (usize, f64),
+    pub(crate) done: (usize, f64),
 }
 
 /// Lets both players take turns until the end, at least once. `after` hears of every step, with its number and the seconds so far:
@@ -224,7 +224,7 @@ pub struct Length {
 ///
 /// # Errors
 /// What `after` says, and when `stop` is raised.
-pub fn play<G: Game>(
+pub(crate) fn play<G: Game>(
     game: &mut G,
     length: Length,
     stop: &Stop,

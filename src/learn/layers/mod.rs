@@ -15,10 +15,10 @@ mod slot;
 mod spectral;
 mod tape;
 
-pub use norm::{Moments, Norm};
-pub use resample::{Padding, Resampling};
-pub use spectral::SpectralNorm;
-pub use tape::Tape;
+pub(crate) use norm::{Moments, Norm};
+pub(crate) use resample::{Padding, Resampling};
+pub(crate) use spectral::SpectralNorm;
+pub(crate) use tape::Tape;
 
 use crate::error::{Error, Result};
 use crate::learn::convolution::Kernel;
@@ -29,15 +29,15 @@ use rand_distr::StandardNormal;
 use std::ops::Range;
 
 /// Most channels of a layer.
-pub const MOST_CHANNELS: usize = 512;
+pub(crate) const MOST_CHANNELS: usize = 512;
 
 /// A layer of a net.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LayerId(usize);
+pub(crate) struct LayerId(usize);
 
 /// What follows a sum.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Activation {
+pub(crate) enum Activation {
     /// Nothing.
     None,
     /// The value where it is positive, and this much of it elsewhere: 0 to 1.
@@ -94,29 +94,29 @@ impl Activation {
 
 /// A convolution and what follows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conv {
+pub(crate) struct Conv {
     /// Cells of the kernel's side: 1 to 4.
-    pub side: usize,
+    pub(crate) side: usize,
     /// Input cells from one output to the next: 1 or 2.
-    pub stride: usize,
+    pub(crate) stride: usize,
     /// Output channels.
-    pub channels: usize,
+    pub(crate) channels: usize,
     /// What stands around the input.
-    pub padding: Padding,
+    pub(crate) padding: Padding,
     /// Whether it is a transposed convolution: a stride of 2 then enlarges. The padding, valid or zero, is what is cut off the
     /// output (as in PyTorch: 4 cells, stride 2 and a padding of 1 double the sides), and weights are (taps, output channels,
     /// input channels). It leaves a checkerboard where [`Net::resample`] before a convolution leaves none.
-    pub transposed: bool,
+    pub(crate) transposed: bool,
     /// Normalisation before the activation; the bias is then the offset after it.
-    pub norm: Option<Norm>,
+    pub(crate) norm: Option<Norm>,
     /// What follows. Curved ones are not for normalised layers.
-    pub activation: Activation,
+    pub(crate) activation: Activation,
 }
 
 impl Conv {
     /// A valid convolution with stride 1 and nothing after it.
     #[must_use]
-    pub const fn new(side: usize, channels: usize) -> Self {
+    pub(crate) const fn new(side: usize, channels: usize) -> Self {
         Self {
             side,
             stride: 1,
@@ -131,7 +131,7 @@ impl Conv {
 
 /// The size that an image is resampled to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Size {
+pub(crate) enum Size {
     /// So many times as many cells on each side.
     Times(usize),
     /// One in so many cells on each side, rounded up.
@@ -163,7 +163,7 @@ struct Layer {
 
 /// What a network looks like; the last layer is its output.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Net {
+pub(crate) struct Net {
     layers: Vec<Layer>,
     value_count: usize,
 }
@@ -171,7 +171,7 @@ pub struct Net {
 /// How weights begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Start {
+pub(crate) enum Start {
     /// Normal with deviation .02 (the published code of pix2pix and SinGAN).
     Published,
     /// Normal with the variance that keeps the size of signals through leaky ReLUs (He et al. 2015).
@@ -181,7 +181,7 @@ pub enum Start {
 impl Net {
     /// A net without layers.
     #[must_use]
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self::default()
     }
 
@@ -200,7 +200,7 @@ impl Net {
     ///
     /// # Errors
     /// When there are no channels or more than [`MOST_CHANNELS`].
-    pub fn input(&mut self, channels: usize) -> Result<LayerId> {
+    pub(crate) fn input(&mut self, channels: usize) -> Result<LayerId> {
         Ok(self.push(Kind::Input, check_channels(channels)?, [0; 3], &[]))
     }
 
@@ -208,7 +208,7 @@ impl Net {
     ///
     /// # Errors
     /// Names the first setting that is out of range.
-    pub fn conv(&mut self, from: LayerId, conv: Conv) -> Result<LayerId> {
+    pub(crate) fn conv(&mut self, from: LayerId, conv: Conv) -> Result<LayerId> {
         let kernel = Kernel::new(conv.side, conv.stride)?;
         let channels = check_channels(conv.channels)?;
         check_activation(conv.activation)?;
@@ -231,7 +231,7 @@ impl Net {
     ///
     /// # Errors
     /// When there is nothing to sum or to make.
-    pub fn dense(
+    pub(crate) fn dense(
         &mut self,
         from: LayerId,
         inputs: usize,
@@ -251,7 +251,7 @@ impl Net {
     ///
     /// # Errors
     /// When a factor is 0.
-    pub fn resample(&mut self, from: LayerId, how: Resampling, size: Size) -> Result<LayerId> {
+    pub(crate) fn resample(&mut self, from: LayerId, how: Resampling, size: Size) -> Result<LayerId> {
         if matches!(size, Size::Times(0) | Size::Over(0)) {
             return Err(Error::value("factor of a resampling", 0, "allowed: at least 1"));
         }
@@ -267,7 +267,7 @@ impl Net {
     ///
     /// # Errors
     /// When their channels differ.
-    pub fn add(&mut self, a: LayerId, b: LayerId) -> Result<LayerId> {
+    pub(crate) fn add(&mut self, a: LayerId, b: LayerId) -> Result<LayerId> {
         let [one, two] = [a, b].map(|layer| self.layers[layer.0].channels);
         if one != two {
             return Err(Error::value("channels of a sum", two, format!("allowed: {one}, as the other has")));
@@ -279,7 +279,7 @@ impl Net {
     ///
     /// # Errors
     /// When there are more than [`MOST_CHANNELS`].
-    pub fn concat(&mut self, a: LayerId, b: LayerId) -> Result<LayerId> {
+    pub(crate) fn concat(&mut self, a: LayerId, b: LayerId) -> Result<LayerId> {
         let channels = check_channels(self.layers[a.0].channels + self.layers[b.0].channels)?;
         Ok(self.push(Kind::Concat(a.0, b.0), channels, [0; 3], &[a.0, b.0]))
     }
@@ -289,7 +289,7 @@ impl Net {
     ///
     /// # Errors
     /// When the rate is not from 0 to below 1.
-    pub fn dropout(&mut self, from: LayerId, rate: f32) -> Result<LayerId> {
+    pub(crate) fn dropout(&mut self, from: LayerId, rate: f32) -> Result<LayerId> {
         if !(0.0..1.0).contains(&rate) {
             return Err(Error::value("rate of dropout", rate, "allowed: 0 to below 1"));
         }
@@ -298,25 +298,25 @@ impl Net {
 
     /// Number of trainable values.
     #[must_use]
-    pub const fn value_count(&self) -> usize {
+    pub(crate) const fn value_count(&self) -> usize {
         self.value_count
     }
 
     /// Where a layer's weights (taps, input channels, output channels), biases and gains lie. The bias of a normalised layer is
     /// the offset after its normalisation; other layers have no gains.
     #[must_use]
-    pub fn places(&self, layer: LayerId) -> [Range<usize>; 3] {
+    pub(crate) fn places(&self, layer: LayerId) -> [Range<usize>; 3] {
         self.layers[layer.0].places.clone()
     }
 
     /// The layers that come from outside, in order.
-    pub fn inputs(&self) -> impl Iterator<Item = LayerId> {
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = LayerId> {
         let is_input = |(_, layer): &(usize, &Layer)| layer.kind == Kind::Input;
         self.layers.iter().enumerate().filter(is_input).map(|(i, _)| LayerId(i))
     }
 
     /// The layers with weights, in order.
-    pub fn weighted(&self) -> impl DoubleEndedIterator<Item = LayerId> {
+    pub(crate) fn weighted(&self) -> impl DoubleEndedIterator<Item = LayerId> {
         let has_weights = |(_, layer): &(usize, &Layer)| !layer.places[0].is_empty();
         self.layers.iter().enumerate().filter(has_weights).map(|(i, _)| LayerId(i))
     }
@@ -324,7 +324,7 @@ impl Net {
     /// Fresh values from `seed`, a stream for each layer; `last`: factor of the last layer's weights in [`Start::Scaled`], so
     /// that what a net adds may begin small.
     #[must_use]
-    pub fn start(&self, start: Start, last: f32, seed: Seed) -> Vec<f32> {
+    pub(crate) fn start(&self, start: Start, last: f32, seed: Seed) -> Vec<f32> {
         let mut values = vec![0.0; self.value_count];
         let count = self.weighted().count();
         for (number, layer) in self.weighted().enumerate() {
@@ -348,7 +348,7 @@ impl Net {
 
     /// Running moments of the batch-normalised layers before any pass.
     #[must_use]
-    pub fn running(&self) -> Vec<Moments> {
+    pub(crate) fn running(&self) -> Vec<Moments> {
         self.batch_normalised().map(|layer| Moments::unit(layer.channels)).collect()
     }
 
@@ -361,7 +361,7 @@ impl Net {
     /// # Panics
     /// When moments or values are not those of the net.
     #[must_use]
-    pub fn folded(&self, values: &[f32], running: &[Moments]) -> (Self, Vec<f32>) {
+    pub(crate) fn folded(&self, values: &[f32], running: &[Moments]) -> (Self, Vec<f32>) {
         let (mut net, mut folded, mut running) = (Self::new(), Vec::new(), running.iter());
         for layer in &self.layers {
             let [weights, biases, gains] = layer.places.clone().map(|place| &values[place]);

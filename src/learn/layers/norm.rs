@@ -17,7 +17,7 @@ const ROWS: usize = 8;
 
 /// What shares its mean and variance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Norm {
+pub(crate) enum Norm {
     /// A channel of all images of a pass.
     Batch,
     /// A channel of one image.
@@ -45,23 +45,23 @@ impl Norm {
 
 /// Mean and variance of every channel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Moments {
+pub(crate) struct Moments {
     /// Means.
-    pub mean: Vec<f32>,
+    pub(crate) mean: Vec<f32>,
     /// Variances.
-    pub variance: Vec<f32>,
+    pub(crate) variance: Vec<f32>,
 }
 
 impl Moments {
     /// Mean 0, variance 1.
     #[must_use]
-    pub fn unit(channels: usize) -> Self {
+    pub(crate) fn unit(channels: usize) -> Self {
         Self { mean: vec![0.0; channels], variance: vec![1.0; channels] }
     }
 
     /// Reciprocal deviations.
     #[must_use]
-    pub fn scales(&self) -> Vec<f32> {
+    pub(crate) fn scales(&self) -> Vec<f32> {
         self.variance.iter().map(|v| (v + EPSILON).sqrt().recip()).collect()
     }
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// What stands around an image before a convolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Padding {
+pub(crate) enum Padding {
     /// Nothing: the output is smaller.
     Valid,
     /// Zeros, so many cells on each side.
@@ -22,7 +22,7 @@ pub enum Padding {
 
 /// How an image comes to another size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Resampling {
+pub(crate) enum Resampling {
     /// The input cell in which the output cell's north-west corner lies.
     Nearest,
     /// Linear between the two nearest centres, the outer ones repeated (PyTorch's `align_corners=False`).
@@ -109,7 +109,7 @@ fn merged(mut sum: Vec<(usize, f32)>) -> Vec<(usize, f32)> {
 impl Padding {
     /// Cells on each side.
     #[must_use]
-    pub const fn width(self) -> usize {
+    pub(crate) const fn width(self) -> usize {
         match self {
             Self::Valid => 0,
             Self::Zero(w) | Self::Reflect(w) | Self::Repeat(w) => w,

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// The largest singular values of a net's weights, and their vectors.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SpectralNorm {
+pub(crate) struct SpectralNorm {
     layers: Vec<Matrix>,
 }
 
@@ -25,7 +25,7 @@ struct Matrix {
 impl SpectralNorm {
     /// For all layers with weights, from random vectors.
     #[must_use]
-    pub fn new(net: &Net, seed: Seed) -> Self {
+    pub(crate) fn new(net: &Net, seed: Seed) -> Self {
         let matrix = |(number, layer): (usize, LayerId)| {
             let [place, biases, _] = net.places(layer);
             let mut stream = seed.stream(&format!("spectrum of layer {number}"));
@@ -39,7 +39,7 @@ impl SpectralNorm {
 
     /// The values of a net with every layer's weights over their largest singular value, after `steps` more of the power
     /// iteration (one in training; the first time at least one).
-    pub fn normalise(&mut self, values: &[f32], steps: usize) -> Vec<f32> {
+    pub(crate) fn normalise(&mut self, values: &[f32], steps: usize) -> Vec<f32> {
         let mut out = values.to_vec();
         for matrix in &mut self.layers {
             let weights = &mut out[matrix.place.clone()];
@@ -53,7 +53,7 @@ impl SpectralNorm {
 
     /// Turns the gradient by what [`normalise`](Self::normalise) gave into that by the values: the singular vectors count as
     /// constants.
-    pub fn back(&self, normalised: &[f32], gradient: &mut [f32]) {
+    pub(crate) fn back(&self, normalised: &[f32], gradient: &mut [f32]) {
         for matrix in &self.layers {
             let (weights, gradient) =
                 (&normalised[matrix.place.clone()], &mut gradient[matrix.place.clone()]);
@@ -68,7 +68,7 @@ impl SpectralNorm {
     }
 
     /// The largest singular values as last found.
-    pub fn sigmas(&self) -> impl Iterator<Item = f32> {
+    pub(crate) fn sigmas(&self) -> impl Iterator<Item = f32> {
         self.layers.iter().map(|matrix| matrix.sigma)
     }
 }

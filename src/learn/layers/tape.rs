@@ -15,7 +15,7 @@ use rand::RngExt;
 const DOT: Kernel = Kernel::DOT;
 
 /// Every buffer of a net's passes.
-pub struct Tape {
+pub(crate) struct Tape {
     net: Net,
     images: usize,
     slots: Vec<Slot>,
@@ -27,7 +27,7 @@ impl Tape {
     /// # Panics
     /// When there is no image, or a shape does not fit a layer.
     #[must_use]
-    pub fn new(net: &Net, images: usize, inputs: &[(usize, usize)]) -> Self {
+    pub(crate) fn new(net: &Net, images: usize, inputs: &[(usize, usize)]) -> Self {
         assert!(images > 0 && !net.layers.is_empty(), "a pass has an image and a layer");
         let mut inputs = inputs.iter().copied();
         let mut slots: Vec<Slot> = Vec::new();
@@ -104,19 +104,19 @@ impl Tape {
     }
 
     /// An image of an input layer, to be written before a pass.
-    pub fn input_mut(&mut self, layer: LayerId, image: usize) -> &mut Plane {
+    pub(crate) fn input_mut(&mut self, layer: LayerId, image: usize) -> &mut Plane {
         &mut self.slots[layer.0].value[image]
     }
 
     /// What a layer gave.
     #[must_use]
-    pub fn value(&self, layer: LayerId, image: usize) -> &Plane {
+    pub(crate) fn value(&self, layer: LayerId, image: usize) -> &Plane {
         &self.slots[layer.0].value[image]
     }
 
     /// What the net gave.
     #[must_use]
-    pub fn output(&self, image: usize) -> &Plane {
+    pub(crate) fn output(&self, image: usize) -> &Plane {
         &self.last().value[image]
     }
 
@@ -125,31 +125,31 @@ impl Tape {
     }
 
     /// Where the gradient of the output goes before [`backward`](Self::backward).
-    pub fn output_delta(&mut self, image: usize) -> &mut Plane {
+    pub(crate) fn output_delta(&mut self, image: usize) -> &mut Plane {
         let last = self.slots.len() - 1;
         &mut self.slots[last].delta[image]
     }
 
     /// The gradient of a layer's value that a pass back gave: for inputs, when it was asked for.
     #[must_use]
-    pub fn delta(&self, layer: LayerId, image: usize) -> &Plane {
+    pub(crate) fn delta(&self, layer: LayerId, image: usize) -> &Plane {
         &self.slots[layer.0].delta[image]
     }
 
     /// Images of a pass.
     #[must_use]
-    pub const fn images(&self) -> usize {
+    pub(crate) const fn images(&self) -> usize {
         self.images
     }
 
     /// The net of these buffers.
     #[must_use]
-    pub const fn net(&self) -> &Net {
+    pub(crate) const fn net(&self) -> &Net {
         &self.net
     }
 
     /// Draws what the next passes drop.
-    pub fn draw_dropout(&mut self, stream: &mut Stream) {
+    pub(crate) fn draw_dropout(&mut self, stream: &mut Stream) {
         for (layer, slot) in self.net.layers.iter().zip(&mut self.slots) {
             if let Kind::Dropout { rate, .. } = layer.kind {
                 let factor = (1.0 - rate).recip();
@@ -164,7 +164,7 @@ impl Tape {
     }
 
     /// Keeps everything from now on: for use after a training.
-    pub fn keep_all(&mut self) {
+    pub(crate) fn keep_all(&mut self) {
         self.slots.iter_mut().for_each(|slot| slot.kept.clear());
     }
 
@@ -178,7 +178,7 @@ impl Tape {
     ///
     /// # Panics
     /// When the values are not those of the net.
-    pub fn forward(&mut self, values: &[f32], mut running: Option<&mut [Moments]>) {
+    pub(crate) fn forward(&mut self, values: &[f32], mut running: Option<&mut [Moments]>) {
         assert_eq!(values.len(), self.net.value_count(), "values of this net");
         let mut normalised = 0;
         for (i, layer) in self.net.layers.iter().enumerate() {
@@ -241,7 +241,7 @@ impl Tape {
 
     /// From the [gradient of the output](Self::output_delta) to those of all layers: adds to `gradient` (as the net's values), and
     /// makes those of the inputs when they are asked for.
-    pub fn backward(&mut self, values: &[f32], gradient: Option<&mut [f32]>, inputs: bool) {
+    pub(crate) fn backward(&mut self, values: &[f32], gradient: Option<&mut [f32]>, inputs: bool) {
         self.back(Way::Output, values, gradient, inputs);
     }
 
@@ -341,7 +341,7 @@ impl Tape {
     }
 
     /// Where the direction of an input goes before [`tangent`](Self::tangent).
-    pub fn direction_mut(&mut self, layer: LayerId, image: usize) -> &mut Plane {
+    pub(crate) fn direction_mut(&mut self, layer: LayerId, image: usize) -> &mut Plane {
         self.prepare_pair();
         &mut self.slots[layer.0].pair.tangent[image]
     }
@@ -368,7 +368,7 @@ impl Tape {
     ///
     /// # Panics
     /// When the values are not those of the net.
-    pub fn tangent(&mut self, values: &[f32]) {
+    pub(crate) fn tangent(&mut self, values: &[f32]) {
         self.prepare_pair();
         let last = self.net.layers.len() - 1;
         for (i, layer) in self.net.layers.iter().enumerate() {
@@ -442,7 +442,7 @@ impl Tape {
     /// Adds the parameters' gradient of the output's tangent, weighted as the output's gradient was in the last
     /// [`backward`](Self::backward): what that pass has left at every layer is the gradient of the tangent there, so that one sum
     /// over pixels is all there is to do; curved layers (normalised, tanh, sigmoid) send a gradient through the values below, too.
-    pub fn add_tangent_gradient(&mut self, values: &[f32], gradient: &mut [f32]) {
+    pub(crate) fn add_tangent_gradient(&mut self, values: &[f32], gradient: &mut [f32]) {
         for (i, layer) in self.net.layers.iter().enumerate() {
             let (below, rest) = self.slots.split_at_mut(i);
             let (slot, weights) = (&rest[0], &mut gradient[layer.places[0].clone()]);

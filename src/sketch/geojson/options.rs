@@ -5,7 +5,7 @@ use crate::dem::Georeference;
 
 /// What the x and y of a file are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Coordinates {
+pub(crate) enum Coordinates {
     /// Model coordinates where the map has a place and the file does not describe one without; else columns and rows.
     #[default]
     AsStated,
@@ -16,7 +16,7 @@ pub enum Coordinates {
 /// What to do with a vertex without a height.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum MissingHeights {
+pub(crate) enum MissingHeights {
     /// An error that names the feature and the vertex.
     #[default]
     Refuse,
@@ -30,23 +30,23 @@ pub enum MissingHeights {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// (rows, columns) of the map. Without one here and in the file, the map just holds the strokes.
-    pub size: Option<(usize, usize)>,
+    pub(crate) size: Option<(usize, usize)>,
     /// Place of the map (that of the DEM which the sketch belongs to).
-    pub georeference: Option<Georeference>,
+    pub(crate) georeference: Option<Georeference>,
     /// What x and y are.
-    pub coordinates: Coordinates,
+    pub(crate) coordinates: Coordinates,
     /// EPSG code of the system that x and y are in.
-    pub epsg: Option<u32>,
+    pub(crate) epsg: Option<u32>,
     /// Unit of the heights.
-    pub unit: Option<HeightUnit>,
+    pub(crate) unit: Option<HeightUnit>,
     /// Metres in one unit of the heights (0.3048 for feet); overrules `unit`.
     pub metres_per_unit: Option<f64>,
     /// The property that tells ridges from valleys; else `kind`, or whichever says one of the two.
-    pub kind_property: Option<String>,
+    pub(crate) kind_property: Option<String>,
     /// The property with the heights, which then also overrules those in the coordinates.
-    pub height_property: Option<String>,
+    pub(crate) height_property: Option<String>,
     /// Whether a line whose heights are all 0 counts as one without heights.
-    pub zero_unknown: bool,
+    pub(crate) zero_unknown: bool,
     /// What to do about missing heights.
-    pub missing_heights: MissingHeights,
+    pub(crate) missing_heights: MissingHeights,
 }

@@ -154,21 +154,21 @@ fn like_degrees(lines: &[RawLine]) -> bool {
 
 /// The rectangle around all vertices, in the file's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Bounds {
+pub(crate) struct Bounds {
     /// Least x.
-    pub west: f64,
+    pub(crate) west: f64,
     /// Least y.
-    pub south: f64,
+    pub(crate) south: f64,
     /// Greatest x.
-    pub east: f64,
+    pub(crate) east: f64,
     /// Greatest y.
-    pub north: f64,
+    pub(crate) north: f64,
 }
 
 impl Bounds {
     /// Whether all of it could be longitude and latitude, degrees.
     #[must_use]
-    pub fn is_like_degrees(&self) -> bool {
+    pub(crate) fn is_like_degrees(&self) -> bool {
         self.west >= -180.0 && self.east <= 180.0 && self.south >= -90.0 && self.north <= 90.0
     }
 

@@ -27,18 +27,18 @@ pub struct SketchReading {
     /// The sketch; valid, with at least one stroke, every stroke at least partly on the map.
     pub sketch: Sketch,
     /// Unit of its heights.
-    pub unit: HeightUnit,
+    pub(crate) unit: HeightUnit,
     /// Place of its map, when known.
-    pub georeference: Option<Georeference>,
+    pub(crate) georeference: Option<Georeference>,
     /// (rows, columns) of the map that the file states, whatever size was asked for.
-    pub stated_size: Option<(usize, usize)>,
+    pub(crate) stated_size: Option<(usize, usize)>,
     /// For every vertex of every stroke whether the file gives its height; all true unless missing heights were
     /// [left open](super::MissingHeights::Leave) or interpolated.
     pub given: Vec<Vec<bool>>,
     /// Where each stroke stands in the file ("feature 3"), for messages.
-    pub names: Vec<String>,
+    pub(crate) names: Vec<String>,
     /// What was not taken as it stood, in whole sentences.
-    pub warnings: Vec<String>,
+    pub(crate) warnings: Vec<String>,
 }
 
 /// Reads a sketch file.
@@ -51,23 +51,23 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SketchReading> {
 
 /// What a file says of its place, whatever map it may lie on.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Outline {
+pub(crate) struct Outline {
     /// Whether its coordinates are model coordinates as soon as its map has a georeference: the file has one itself, or
     /// describes no map at all, as what a geographic information system writes.
-    pub is_placed: bool,
+    pub(crate) is_placed: bool,
     /// Whether it has a georeference of its own.
-    pub has_place: bool,
+    pub(crate) has_place: bool,
     /// EPSG code of the system that it names, or that of its georeference.
-    pub epsg: Option<u32>,
+    pub(crate) epsg: Option<u32>,
     /// The rectangle around all vertices, in the file's coordinates; `None` without any.
-    pub bounds: Option<Bounds>,
+    pub(crate) bounds: Option<Bounds>,
 }
 
 /// What a sketch file says of its place.
 ///
 /// # Errors
 /// When the file cannot be read, or is not GeoJSON that [`parse`] understands, wherever it lies.
-pub fn outline(path: &Path, options: &ReadOptions) -> Result<Outline> {
+pub(crate) fn outline(path: &Path, options: &ReadOptions) -> Result<Outline> {
     outline_of(&text_of(path)?, options).map_err(|e| e.in_file(path))
 }
 

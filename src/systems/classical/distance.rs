@@ -14,7 +14,7 @@ use std::num::NonZero;
 
 /// Each cell takes the height of the nearest line cell; among equally near ones, of the first in row-major order.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Nearest;
+pub(crate) struct Nearest;
 
 impl SketchToTerrain for Nearest {
     fn generate(&self, lines: &LineMap, _seed: Seed, _stop: &Stop) -> Result<Grid<f32>> {
@@ -26,11 +26,11 @@ impl SketchToTerrain for Nearest {
 ///
 /// Which of several equally far cells make up the number is the tree's choice, the same every time for one sketch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InverseDistance {
+pub(crate) struct InverseDistance {
     /// How many of the nearest line cells count.
-    pub neighbours: NonZero<usize>,
+    pub(crate) neighbours: NonZero<usize>,
     /// How fast their weight falls; positive and finite.
-    pub power: f64,
+    pub(crate) power: f64,
 }
 
 impl Default for InverseDistance {

@@ -8,15 +8,15 @@ mod distance;
 mod oracle_tests;
 mod surface;
 
-pub use distance::{InverseDistance, Nearest};
-pub use surface::{Biharmonic, DelaunayLinear, Laplace, NaturalNeighbour};
+pub(crate) use distance::{InverseDistance, Nearest};
+pub(crate) use surface::{Biharmonic, DelaunayLinear, Laplace, NaturalNeighbour};
 
 use super::task::SketchToTerrain;
 use std::sync::Arc;
 
 /// Every classical system with its best values, by name, from the simplest to the best.
 #[must_use]
-pub fn all() -> Vec<(&'static str, Arc<dyn SketchToTerrain>)> {
+pub(crate) fn all() -> Vec<(&'static str, Arc<dyn SketchToTerrain>)> {
     vec![
         ("nearest", Arc::new(Nearest)),
         ("inverse-distance", Arc::new(InverseDistance::default())),

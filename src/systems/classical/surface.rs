@@ -10,19 +10,19 @@ use crate::sketch::LineMap;
 
 /// The membrane through the lines: Laplace's equation ([`harmonic`](crate::interpolation::harmonic)).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Laplace;
+pub(crate) struct Laplace;
 
 /// The thin plate through the lines: the biharmonic equation ([`biharmonic`](crate::interpolation::biharmonic)).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Biharmonic;
+pub(crate) struct Biharmonic;
 
 /// Planes over the Delaunay triangles of the line cells ([`delaunay_linear`]).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct DelaunayLinear;
+pub(crate) struct DelaunayLinear;
 
 /// Sibson's natural-neighbour interpolation ([`NaturalNeighbours`]): the strongest of the classical systems.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct NaturalNeighbour;
+pub(crate) struct NaturalNeighbour;
 
 impl SketchToTerrain for Laplace {
     fn generate(&self, lines: &LineMap, _seed: Seed, stop: &Stop) -> Result<Grid<f32>> {

@@ -47,19 +47,19 @@ const LARGE_FORMS: f64 = 1.25;
 /// What a style file says of detail from patches beside the exemplar itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PatchInfo {
+pub(crate) struct PatchInfo {
     /// Rows of the exemplar.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Columns of the exemplar.
-    pub cols: usize,
+    pub(crate) cols: usize,
     /// What was measured when it was taken.
-    pub record: PatchRecord,
+    pub(crate) record: PatchRecord,
 }
 
 /// What can be set: nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PatchConfig {}
+pub(crate) struct PatchConfig {}
 
 impl Settings for PatchConfig {
     fn validate(&self) -> Result<()> {
@@ -70,16 +70,16 @@ impl Settings for PatchConfig {
 /// What was measured when an exemplar was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PatchRecord {
+pub(crate) struct PatchRecord {
     /// Seconds that the calibration took.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Share of what the patches say that suits the exemplar best; 1 before [`PatchDetail::calibrate`].
-    pub gain: f32,
+    pub(crate) gain: f32,
 }
 
 /// An exemplar whose patches are the detail.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PatchDetail {
+pub(crate) struct PatchDetail {
     /// In the unit interval.
     truth: Grid<f32>,
     /// The surface through its lines.
@@ -97,7 +97,7 @@ impl PatchDetail {
     /// # Errors
     /// When the exemplar has a side below 32 cells or more than 65,536 cells, is level or not finite, when there is no line, or
     /// shapes differ.
-    pub fn new(truth: Grid<f32>, twin: Grid<f32>, lines: &LineMap) -> Result<Self> {
+    pub(crate) fn new(truth: Grid<f32>, twin: Grid<f32>, lines: &LineMap) -> Result<Self> {
         if lines.line_count() == 0 {
             return Err(Error::value(
                 "number of line cells",
@@ -137,13 +137,14 @@ impl PatchDetail {
 
     /// What was measured when the exemplar was taken.
     #[must_use]
-    pub const fn record(&self) -> &PatchRecord {
+    #[cfg(test)]
+    pub(crate) const fn record(&self) -> &PatchRecord {
         &self.record
     }
 
     /// (rows, columns) of the exemplar.
     #[must_use]
-    pub fn shape(&self) -> (usize, usize) {
+    pub(crate) fn shape(&self) -> (usize, usize) {
         self.truth.shape()
     }
 
@@ -153,7 +154,13 @@ impl PatchDetail {
     ///
     /// # Errors
     /// When shapes differ or the exemplar is too narrow.
-    pub fn calibrate(&mut self, coarse: &Grid<f32>, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<()> {
+    pub(crate) fn calibrate(
+        &mut self,
+        coarse: &Grid<f32>,
+        lines: &LineMap,
+        seed: Seed,
+        stop: &Stop,
+    ) -> Result<()> {
         let started = Instant::now();
         let how = DetailUse::default();
         let (rows, cols) = self.shape();
@@ -183,7 +190,7 @@ impl PatchDetail {
 
     /// The description and the named tensors, to be stored in any container.
     #[must_use]
-    pub fn parts(&self) -> (PatchInfo, Vec<(String, Vec<f32>)>) {
+    pub(crate) fn parts(&self) -> (PatchInfo, Vec<(String, Vec<f32>)>) {
         let (rows, cols) = self.shape();
         let info = PatchInfo { rows, cols, record: self.record };
         let tensors = [("truth", &self.truth), ("twin", &self.twin), ("marks", &self.marks)];
@@ -194,7 +201,10 @@ impl PatchDetail {
     ///
     /// # Errors
     /// When a tensor is missing or has another length, or as [`new`](Self::new).
-    pub fn from_parts(info: &PatchInfo, mut tensor: impl FnMut(&str) -> Result<Vec<f32>>) -> Result<Self> {
+    pub(crate) fn from_parts(
+        info: &PatchInfo,
+        mut tensor: impl FnMut(&str) -> Result<Vec<f32>>,
+    ) -> Result<Self> {
         let mut map = |name: &str| Grid::from_vec(info.rows, info.cols, tensor(name)?);
         Self::of(map("truth")?, map("twin")?, map("marks")?, info.record)
     }
@@ -204,7 +214,7 @@ impl PatchDetail {
 ///
 /// # Errors
 /// When a side is below 32 cells, or there are more than 65,536.
-pub fn check_shape(rows: usize, cols: usize) -> Result<()> {
+pub(crate) fn check_shape(rows: usize, cols: usize) -> Result<()> {
     if rows.min(cols) >= SMALLEST && rows * cols <= LARGEST {
         return Ok(());
     }

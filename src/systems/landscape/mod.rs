@@ -21,12 +21,12 @@ use std::time::Instant;
 /// How the landscape is solved and what is done about water.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct LandscapeSystemConfig {
+pub(crate) struct LandscapeSystemConfig {
     /// The solver.
-    pub solver: LandscapeConfig,
+    pub(crate) solver: LandscapeConfig,
     /// Whether dams between the lines are cut until no more of the terrain lies in ponds than of the exemplar. Absent: where
     /// rivers made the exemplar.
-    pub drain: Option<bool>,
+    pub(crate) drain: Option<bool>,
 }
 
 impl Settings for LandscapeSystemConfig {
@@ -38,22 +38,22 @@ impl Settings for LandscapeSystemConfig {
 /// What a style file says of the system: all of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LandscapeInfo {
+pub(crate) struct LandscapeInfo {
     /// The exemplar's laws.
-    pub fit: LandscapeFit,
+    pub(crate) fit: LandscapeFit,
     /// The settings.
-    pub config: LandscapeSystemConfig,
+    pub(crate) config: LandscapeSystemConfig,
     /// Metres of the unit in which lines come and terrain goes.
-    pub unit: Normalization,
+    pub(crate) unit: Normalization,
     /// Side of the map's cells, metres.
-    pub cell_size: f64,
+    pub(crate) cell_size: f64,
     /// Seconds that the fit took.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 /// Terrain by the laws of an exemplar. Heights of lines and terrain are in the unit interval of its [`LandscapeInfo::unit`].
 #[derive(Clone, Debug)]
-pub struct LandscapeSystem(pub LandscapeInfo);
+pub(crate) struct LandscapeSystem(pub(crate) LandscapeInfo);
 
 impl SketchToTerrain for LandscapeSystem {
     fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {

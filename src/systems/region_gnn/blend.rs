@@ -34,7 +34,7 @@ pub enum BlendUse {
 }
 
 /// A sketch is dense when the mean distance to its nearest line is below this, in cells.
-pub const DENSE: f64 = 3.0;
+pub(crate) const DENSE: f64 = 3.0;
 
 /// Mean distances to the nearest line, in cells, between which the blend fades: thinner sketches are left to the model and its
 /// trust, which are better there.

@@ -75,17 +75,17 @@ pub enum Kernel {
 #[serde(deny_unknown_fields, default)]
 pub struct LossWeights {
     /// Mean squared height difference (Eq. 4, as a mean).
-    pub ground_truth: f64,
+    pub(crate) ground_truth: f64,
     /// 1 - SSIM.
-    pub ssim: f64,
+    pub(crate) ssim: f64,
     /// Sum over pixels and neighbours of the squared difference of squared slopes.
-    pub gradient: f64,
+    pub(crate) gradient: f64,
     /// Ridges above, valleys below their surroundings (Eq. 5).
-    pub sketch: f64,
+    pub(crate) sketch: f64,
     /// Mean height difference of pixel pairs at offsets up to 2.
-    pub smooth: f64,
+    pub(crate) smooth: f64,
     /// Influence of lines at pixels more than 6 px away; only where heights are absolute.
-    pub further: f64,
+    pub(crate) further: f64,
 }
 
 impl Default for LossWeights {
@@ -206,7 +206,7 @@ impl RegionGnnConfig {
     ///
     /// # Errors
     /// Names the first field that is out of range.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let count = |name: &str, value: usize, low: usize, high: usize| {
             if (low..=high).contains(&value) {
                 Ok(())

@@ -237,25 +237,25 @@ impl PassEdges {
 
     /// The graph whose edges these are.
     #[must_use]
-    pub fn graph(&self) -> &RegionGraph {
+    pub(crate) fn graph(&self) -> &RegionGraph {
         &self.graph
     }
 
     /// Which regions are masked in this pass.
     #[must_use]
-    pub fn masked(&self) -> &[bool] {
+    pub(crate) fn masked(&self) -> &[bool] {
         &self.masked
     }
 
     /// Number of edges of a pixel, masked ones included.
     #[must_use]
-    pub fn pixel_degree(&self, pixel: usize) -> usize {
+    pub(crate) fn pixel_degree(&self, pixel: usize) -> usize {
         self.graph.k() + (self.random_offsets[pixel + 1] - self.random_offsets[pixel]) as usize
     }
 
     /// Number of edges of a region.
     #[must_use]
-    pub fn region_degree(&self, region: usize) -> usize {
+    pub(crate) fn region_degree(&self, region: usize) -> usize {
         let random = (self.region_offsets[region + 1] - self.region_offsets[region]) as usize;
         self.graph.pixels_of(region).len() + random
     }

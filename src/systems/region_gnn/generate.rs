@@ -27,13 +27,13 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields, default)]
 pub struct FineTuning {
     /// Steps of Adam on the embeddings; everything else is frozen.
-    pub steps: usize,
+    pub(crate) steps: usize,
     /// Highest learning rate.
-    pub learning_rate: f64,
+    pub(crate) learning_rate: f64,
     /// Weight of l_gt on the line cells.
-    pub ground_truth: f64,
+    pub(crate) ground_truth: f64,
     /// Weight of l_smooth.
-    pub smooth: f64,
+    pub(crate) smooth: f64,
 }
 
 impl Default for FineTuning {
@@ -108,7 +108,7 @@ impl RegionGnn {
 
     /// The configuration.
     #[must_use]
-    pub fn config(&self) -> &RegionGnnConfig {
+    pub(crate) fn config(&self) -> &RegionGnnConfig {
         self.network.config()
     }
 
@@ -116,7 +116,7 @@ impl RegionGnn {
     ///
     /// # Errors
     /// When there is no line, or it is stopped.
-    pub fn reconstruct(
+    pub(crate) fn reconstruct(
         &self,
         lines: &LineMap,
         correction: Option<CorrectionKind>,
@@ -218,7 +218,7 @@ impl RegionGnn {
     ///
     /// # Errors
     /// When there is no line.
-    pub fn region_states(
+    pub(crate) fn region_states(
         &self,
         lines: &LineMap,
         config: &GenerationConfig,
@@ -237,7 +237,7 @@ impl RegionGnn {
     ///
     /// # Errors
     /// When there is no line or part, or a part is not valid.
-    pub fn generate_from_parts(
+    pub(crate) fn generate_from_parts(
         &self,
         lines: &LineMap,
         parts: Vec<SketchPart>,
@@ -336,11 +336,11 @@ fn finish(
 
 /// A trained model with its generation settings, as a system beside the interpolators.
 #[derive(Clone, Debug)]
-pub struct RegionGnnSystem {
+pub(crate) struct RegionGnnSystem {
     /// The model.
-    pub model: Arc<RegionGnn>,
+    pub(crate) model: Arc<RegionGnn>,
     /// Its use.
-    pub generation: GenerationConfig,
+    pub(crate) generation: GenerationConfig,
 }
 
 impl SketchToTerrain for RegionGnnSystem {
@@ -351,6 +351,6 @@ impl SketchToTerrain for RegionGnnSystem {
 
 /// Whether a model's heights mean nothing before the correction: true for the anchored one.
 #[must_use]
-pub fn needs_correction(config: &RegionGnnConfig) -> bool {
+pub(crate) fn needs_correction(config: &RegionGnnConfig) -> bool {
     config.frame == HeightFrame::Anchored
 }

@@ -50,11 +50,11 @@ pub struct RegionGraph {
 
 /// What makes the anchored model independent of offset and scale.
 #[derive(Clone, Debug)]
-pub struct Anchor {
+pub(crate) struct Anchor {
     /// Interpolation of the sketch, one value a pixel.
-    pub base: Vec<f32>,
+    pub(crate) base: Vec<f32>,
     /// Relief of the sketch: 4 rms(height of the nearest part - mean height of the other k - 1).
-    pub scale: f32,
+    pub(crate) scale: f32,
 }
 
 impl RegionGraph {
@@ -82,7 +82,7 @@ impl RegionGraph {
     ///
     /// # Panics
     /// As there.
-    pub fn until(
+    pub(crate) fn until(
         lines: &LineMap,
         parts: &[SketchPart],
         base: Option<&[f32]>,
@@ -205,19 +205,19 @@ impl RegionGraph {
 
     /// What ends the passes over it.
     #[must_use]
-    pub fn stop(&self) -> &Stop {
+    pub(crate) fn stop(&self) -> &Stop {
         &self.stop
     }
 
     /// (rows, columns) of the map.
     #[must_use]
-    pub fn shape(&self) -> (usize, usize) {
+    pub(crate) fn shape(&self) -> (usize, usize) {
         (self.rows, self.cols)
     }
 
     /// Number of pixels.
     #[must_use]
-    pub fn pixel_count(&self) -> usize {
+    pub(crate) fn pixel_count(&self) -> usize {
         self.rows * self.cols
     }
 
@@ -258,7 +258,7 @@ impl RegionGraph {
 
     /// Pixels of the fixed edges of one region.
     #[must_use]
-    pub fn pixels_of(&self, region: usize) -> &[u32] {
+    pub(crate) fn pixels_of(&self, region: usize) -> &[u32] {
         &self.region_pixels[self.region_offsets[region] as usize..self.region_offsets[region + 1] as usize]
     }
 
@@ -279,43 +279,43 @@ impl RegionGraph {
 
     /// +1 at ridges, -1 at valleys, 0 elsewhere; one value a pixel (A.3).
     #[must_use]
-    pub fn indicator(&self) -> &[f32] {
+    pub(crate) fn indicator(&self) -> &[f32] {
         &self.indicator
     }
 
     /// Line cells by pixel index, row-major.
     #[must_use]
-    pub fn line_cells(&self) -> &[u32] {
+    pub(crate) fn line_cells(&self) -> &[u32] {
         &self.line_cells
     }
 
     /// Heights of [`line_cells`](Self::line_cells).
     #[must_use]
-    pub fn line_heights(&self) -> &[f32] {
+    pub(crate) fn line_heights(&self) -> &[f32] {
         &self.line_heights
     }
 
     /// The frame of the anchored model.
     #[must_use]
-    pub fn anchor_frame(&self) -> Option<&Anchor> {
+    pub(crate) fn anchor_frame(&self) -> Option<&Anchor> {
         self.anchor.as_ref()
     }
 
     /// Pixel index of the cell on which a fixed edge projects.
     #[must_use]
-    pub fn projected_pixel(&self, edge: usize) -> usize {
+    pub(crate) fn projected_pixel(&self, edge: usize) -> usize {
         self.projected[edge] as usize
     }
 
     /// Height of the sketch where a fixed edge projects.
     #[must_use]
-    pub fn projected_height(&self, edge: usize) -> f32 {
+    pub(crate) fn projected_height(&self, edge: usize) -> f32 {
         self.regions[self.nearest[edge] as usize].height(usize::from(self.projections[edge]))
     }
 
     /// (1 per ridge, 1 per valley) indicator of each region: (regions, 2).
     #[must_use]
-    pub fn kind_indicators(&self) -> Vec<f32> {
+    pub(crate) fn kind_indicators(&self) -> Vec<f32> {
         let one_hot = |r: &Region| if r.kind() == StrokeKind::Ridge { [1.0, 0.0] } else { [0.0, 1.0] };
         self.regions.iter().flat_map(one_hot).collect()
     }

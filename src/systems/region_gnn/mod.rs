@@ -3,7 +3,7 @@
 //! [`DrawnExemplar`] -> [`train`] -> [`RegionGnn`] -> terrain for any lines; [`RegionNetwork`] is all of it as a part of a style. What departs from the paper, and why, is in
 //! `docs/papers/region_gnn.md`.
 
-pub mod blend;
+pub(crate) mod blend;
 mod checkpoint;
 pub mod config;
 mod correction_op;
@@ -12,7 +12,7 @@ mod edges;
 mod fused;
 mod generate;
 mod graph;
-pub mod losses;
+pub(crate) mod losses;
 mod nearest;
 mod network;
 #[cfg(test)]
@@ -24,13 +24,11 @@ mod system;
 mod train;
 mod trust;
 
-pub use blend::BlendUse;
 pub use config::{Preset, RegionGnnConfig};
 pub use edges::PassEdges;
-pub use generate::{FineTuning, GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
-pub use graph::{Anchor, RegionGraph};
-pub use network::{Network, Output};
-pub use record::{EpochReport, LossValues, TrainingRecord};
-pub use region::{Projection, Region, RegionId};
-pub use system::{NetworkDescription, RegionNetwork, RegionNetworkConfig, TrainingSummary};
-pub use train::{DrawnExemplar, SMALLEST_EXEMPLAR, train};
+pub use generate::{FineTuning, GenerationConfig, RegionGnn};
+pub use graph::RegionGraph;
+pub use network::Network;
+pub(crate) use record::LossValues;
+pub(crate) use system::{RegionNetwork, RegionNetworkConfig};
+pub use train::{DrawnExemplar, train};

@@ -38,7 +38,7 @@ pub struct Output {
     /// (pixels) heights in the unit interval of the sketch.
     pub heights: Tensor,
     /// (1) what MLP_3 makes of a pixel beside the lines that no message reaches: the far-field value of l_further.
-    pub far_height: Tensor,
+    pub(crate) far_height: Tensor,
 }
 
 impl Network {
@@ -68,7 +68,7 @@ impl Network {
 
     /// The configuration.
     #[must_use]
-    pub fn config(&self) -> &RegionGnnConfig {
+    pub(crate) fn config(&self) -> &RegionGnnConfig {
         &self.config
     }
 
@@ -80,7 +80,7 @@ impl Network {
 
     /// The embedding of every exemplar part: (parts, embedding).
     #[must_use]
-    pub fn embedding(&self) -> Option<&Tensor> {
+    pub(crate) fn embedding(&self) -> Option<&Tensor> {
         self.params.get(EMBEDDING)
     }
 

@@ -8,13 +8,13 @@ pub struct LossValues {
     /// l_gt, mean.
     pub ground_truth: f64,
     /// 1 - SSIM.
-    pub ssim: f64,
+    pub(crate) ssim: f64,
     /// l_gradient, mean over pixels.
-    pub gradient: f64,
+    pub(crate) gradient: f64,
     /// l_sketch.
-    pub sketch: f64,
+    pub(crate) sketch: f64,
     /// l_smooth.
-    pub smooth: f64,
+    pub(crate) smooth: f64,
     /// l_further.
     pub further: f64,
 }
@@ -25,22 +25,22 @@ pub struct EpochReport {
     /// Epoch, counted from 1.
     pub epoch: usize,
     /// Epochs in all.
-    pub epochs: usize,
+    pub(crate) epochs: usize,
     /// Losses of this epoch, with its noise and masked parts.
     pub losses: LossValues,
     /// Seconds since the training began.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 /// What a training did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingRecord {
     /// Epochs run.
-    pub epochs: usize,
+    pub(crate) epochs: usize,
     /// Seconds of the loop, preparation excluded.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Seconds to extract regions and weights before the loop.
-    pub preparation_seconds: f64,
+    pub(crate) preparation_seconds: f64,
     /// Median seconds of an epoch.
     pub seconds_per_epoch: f64,
     /// A sample of the epochs, evenly spaced, the last included.

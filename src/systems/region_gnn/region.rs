@@ -3,10 +3,6 @@
 use crate::grid::Cell;
 use crate::sketch::{SketchPart, StrokeKind};
 
-/// Index of a region; equal to the index of its part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct RegionId(pub u32);
-
 /// A part, oriented from its low to its high end, with the frame in which pixels around it are described.
 #[derive(Clone, Debug)]
 pub struct Region {
@@ -23,7 +19,7 @@ pub struct Region {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Projection {
     /// Index of the nearest cell, counted from the low end; the first of equally near ones.
-    pub index: usize,
+    pub(crate) index: usize,
     /// Distance to that cell, in cells.
     pub distance: f32,
 }
@@ -34,7 +30,7 @@ impl Region {
     /// # Panics
     /// When the part has no cell.
     #[must_use]
-    pub fn new(part: &SketchPart) -> Self {
+    pub(crate) fn new(part: &SketchPart) -> Self {
         let mut cells: Vec<[f32; 2]> = part.cells.iter().map(|c| [c.row as f32, c.col as f32]).collect();
         let mut heights = part.heights.clone();
         if heights[0] > heights[heights.len() - 1] {
@@ -52,26 +48,26 @@ impl Region {
 
     /// Ridge or valley.
     #[must_use]
-    pub fn kind(&self) -> StrokeKind {
+    pub(crate) fn kind(&self) -> StrokeKind {
         self.kind
     }
 
     /// Number of cells.
     #[must_use]
-    pub fn cell_count(&self) -> usize {
+    pub(crate) fn cell_count(&self) -> usize {
         self.cells.len()
     }
 
     /// Cell `index`, counted from the low end.
     #[must_use]
-    pub fn cell(&self, index: usize) -> Cell {
+    pub(crate) fn cell(&self, index: usize) -> Cell {
         let [row, col] = self.cells[index];
         Cell::new(row as usize, col as usize)
     }
 
     /// Height of cell `index`, counted from the low end.
     #[must_use]
-    pub fn height(&self, index: usize) -> f32 {
+    pub(crate) fn height(&self, index: usize) -> f32 {
         self.heights[index]
     }
 
@@ -92,7 +88,7 @@ impl Region {
 
     /// Projection index scaled to [0, 1] from the low to the high end (paper, A.4).
     #[must_use]
-    pub fn relative_index(&self, index: usize) -> f32 {
+    pub(crate) fn relative_index(&self, index: usize) -> f32 {
         if self.cells.len() < 2 { 0.5 } else { index as f32 / (self.cells.len() - 1) as f32 }
     }
 
@@ -101,7 +97,7 @@ impl Region {
     /// Both turn with the part, so that they describe the same place after any rotation; the sign of the second tells
     /// the left side from the right.
     #[must_use]
-    pub fn along_across(&self, pixel: Cell) -> (f32, f32) {
+    pub(crate) fn along_across(&self, pixel: Cell) -> (f32, f32) {
         let offset = [pixel.row as f32 - self.centre[0], pixel.col as f32 - self.centre[1]];
         let [ur, uc] = self.direction;
         (offset[0] * ur + offset[1] * uc, offset[0] * uc - offset[1] * ur)

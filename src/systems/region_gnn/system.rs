@@ -2,7 +2,7 @@
 //!
 //! Stored are the weights and the exemplar's parts as arrays, and settings and training as the description.
 
-use super::config::{HeightFrame, NAME, Preset, RegionGnnConfig};
+use super::config::{HeightFrame, NAME, RegionGnnConfig};
 use super::generate::{GenerationConfig, RegionGnn, RegionGnnSystem, needs_correction};
 use super::network::Network;
 use super::record::{EpochReport, TrainingRecord};
@@ -29,18 +29,12 @@ const MOST_FOLDS: usize = 16;
 #[serde(deny_unknown_fields, default)]
 pub struct RegionNetworkConfig {
     /// The network and its training.
-    pub model: RegionGnnConfig,
+    pub(crate) model: RegionGnnConfig,
     /// What happens around the network when terrain is generated.
-    pub generation: GenerationConfig,
+    pub(crate) generation: GenerationConfig,
 }
 
-impl RegionNetworkConfig {
-    /// A named configuration.
-    #[must_use]
-    pub fn preset(preset: Preset) -> Self {
-        Self { model: RegionGnnConfig::preset(preset), ..Self::default() }
-    }
-}
+impl RegionNetworkConfig {}
 
 impl Settings for RegionNetworkConfig {
     fn validate(&self) -> Result<()> {
@@ -67,17 +61,17 @@ pub struct TrainingSummary {
     /// Seconds of the training loop.
     pub seconds: f64,
     /// Seconds before the loop: regions, nearest parts, correction weights.
-    pub preparation_seconds: f64,
+    pub(crate) preparation_seconds: f64,
     /// Median seconds of an epoch.
-    pub seconds_per_epoch: f64,
+    pub(crate) seconds_per_epoch: f64,
     /// SSIM of the exemplar rebuilt from its own lines; `None` where voids leave no window of 11x11 cells.
     pub ssim: Option<f64>,
     /// PSNR of the same, decibels.
-    pub psnr: f64,
+    pub(crate) psnr: f64,
     /// l_gt of the same: mean squared error in the unit interval.
-    pub l_gt: f64,
+    pub(crate) l_gt: f64,
     /// Largest memory of the process, bytes; absent where the system does not tell.
-    pub peak_memory: Option<u64>,
+    pub(crate) peak_memory: Option<u64>,
     /// A sample of the epochs.
     pub history: Vec<EpochReport>,
 }
@@ -115,7 +109,7 @@ impl RegionNetwork {
     ///
     /// # Errors
     /// When they are out of range or do not go with the model.
-    pub fn with_generation(&self, generation: GenerationConfig) -> Result<Self> {
+    pub(crate) fn with_generation(&self, generation: GenerationConfig) -> Result<Self> {
         let config = RegionNetworkConfig { generation, ..self.config.clone().into_inner() };
         Ok(Self { config: Checked::new(config)?, ..self.clone() })
     }

@@ -36,7 +36,7 @@ const REFERENCE_PIXELS: usize = 128 * 128;
 /// An l_gt beyond this, heights off by a hundred times the relief, is a divergence although the numbers are finite.
 const LARGEST_GROUND_TRUTH: f64 = 1e4;
 /// Smallest side of an exemplar: below it neither SSIM nor lines mean anything.
-pub const SMALLEST_EXEMPLAR: usize = 32;
+pub(crate) const SMALLEST_EXEMPLAR: usize = 32;
 
 /// What the model learns from: one piece of terrain and the lines found on it.
 #[derive(Clone, Debug)]

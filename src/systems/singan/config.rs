@@ -2,7 +2,7 @@
 
 use crate::checked::Settings;
 use crate::error::{Error, Result};
-pub use crate::learn::layers::Start;
+pub(crate) use crate::learn::layers::Start;
 use serde::{Deserialize, Serialize};
 
 /// The system's name in files and on the command line.
@@ -11,7 +11,7 @@ pub(super) const NAME: &str = "generators";
 /// What the networks are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum View {
+pub(crate) enum View {
     /// Heights themselves, -1 to 1, padded with zeros; noise is added to them (SinGAN, Eq. 3).
     Heights,
     /// Differences to the eastern and southern neighbour over the exemplar's root mean square slope at that scale, the frame
@@ -23,7 +23,7 @@ pub enum View {
 /// Learning rate over the steps of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Decay {
+pub(crate) enum Decay {
     /// A tenth after 80 % of the steps (SinGAN's published code).
     Late,
     /// Half a cosine down to a hundredth.
@@ -39,42 +39,42 @@ pub struct DetailConfig {
     /// Size of a scale over that of the next finer one, near which the real factor is chosen (.75).
     pub factor: f64,
     /// Channels of the four coarsest scales: 32 or 64 (32).
-    pub width: usize,
+    pub(crate) width: usize,
     /// Channels of the finer scales (64 in the paper).
-    pub fine_width: usize,
+    pub(crate) fine_width: usize,
     /// Batch normalisation in both networks (yes in the paper).
-    pub batch_norm: bool,
+    pub(crate) batch_norm: bool,
     /// What the networks are shown.
-    pub view: View,
+    pub(crate) view: View,
     /// How weights begin; a generator's last layer at a tenth of it in `scaled`, so that a scale begins near the identity.
-    pub start: Start,
+    pub(crate) start: Start,
     /// Whether the exemplar's rotations and reflections count as its own.
-    pub symmetric: bool,
+    pub(crate) symmetric: bool,
     /// Share of the training samples that begin with the exemplar at some coarser scale instead of noise (0 in the paper).
-    pub injected: f32,
+    pub(crate) injected: f32,
     /// Share of the reconstructions that begin with a coarse twin of the exemplar instead of the fixed noise (0 in the paper).
-    pub paired: f32,
+    pub(crate) paired: f32,
     /// Training steps of a scale (2000).
     pub steps: usize,
     /// Critic updates a step (3).
-    pub critic_steps: usize,
+    pub(crate) critic_steps: usize,
     /// Generator updates a step (3).
-    pub generator_steps: usize,
+    pub(crate) generator_steps: usize,
     /// Learning rate (5e-4).
-    pub learning_rate: f32,
+    pub(crate) learning_rate: f32,
     /// Adam's first beta (.5); the second is .999.
-    pub momentum: f32,
+    pub(crate) momentum: f32,
     /// How the learning rate falls.
-    pub decay: Decay,
+    pub(crate) decay: Decay,
     /// Weight of the gradient penalty (.1).
-    pub penalty: f32,
+    pub(crate) penalty: f32,
     /// Weight of the squared reconstruction error (10). Heights are -1 to 1; in the view of slopes, multiples of the
     /// root mean square slope a cell.
-    pub reconstruction: f32,
+    pub(crate) reconstruction: f32,
     /// Weight of the paper's l_gradient in the reconstruction (Liu & Benes, 4.4 and 6.1; they give no weight).
-    pub gradient: f32,
+    pub(crate) gradient: f32,
     /// Noise over the root mean square error of the enlarged reconstruction (.1), in the view of heights.
-    pub noise: f32,
+    pub(crate) noise: f32,
 }
 
 impl Default for DetailConfig {
@@ -107,7 +107,7 @@ impl Default for DetailConfig {
 impl DetailConfig {
     /// SinGAN as published, one channel, with the paper's gradient loss (Liu & Benes 2025, 4.4).
     #[must_use]
-    pub fn paper() -> Self {
+    pub(crate) fn paper() -> Self {
         Self {
             fine_width: 64,
             batch_norm: true,
@@ -144,7 +144,7 @@ impl DetailConfig {
 
     /// Relative cost of a training step at every scale, the coarsest first: for progress bars.
     #[must_use]
-    pub fn work(&self, rows: usize, cols: usize) -> Vec<u64> {
+    pub(crate) fn work(&self, rows: usize, cols: usize) -> Vec<u64> {
         let cost = |(i, (r, c)): (usize, (usize, usize))| {
             let width = if i < 4 { self.width } else { self.fine_width };
             ((r + 6) * (c + 6) * width * width / 4096) as u64 + 1

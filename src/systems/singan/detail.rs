@@ -19,7 +19,7 @@ use std::ops::Range;
 const SMALLEST_MAP: usize = 4;
 /// A detail model trained on one exemplar.
 #[derive(Clone, Debug)]
-pub struct Detail {
+pub(crate) struct Detail {
     config: DetailConfig,
     sizes: Vec<(usize, usize)>,
     pub(super) scales: Vec<Scale>,
@@ -39,20 +39,15 @@ impl Detail {
 
     /// What the training was.
     #[must_use]
-    pub const fn record(&self) -> &DetailRecord {
+    pub(crate) const fn record(&self) -> &DetailRecord {
         &self.record
     }
 
     /// (rows, columns) of the exemplar's scales, the coarsest first.
     #[must_use]
-    pub fn sizes(&self) -> &[(usize, usize)] {
+    #[cfg(test)]
+    pub(crate) fn sizes(&self) -> &[(usize, usize)] {
         &self.sizes
-    }
-
-    /// Number of trained values.
-    #[must_use]
-    pub fn value_count(&self) -> usize {
-        self.scales.iter().map(|s| s.net.values.len()).sum()
     }
 
     /// Cells of the finest scale in one of a scale.
@@ -115,7 +110,7 @@ impl Detail {
     /// # Panics
     /// Never: a trained model has a scale.
     #[must_use]
-    pub fn reconstruct(&self) -> Grid<f32> {
+    pub(crate) fn reconstruct(&self) -> Grid<f32> {
         self.rebuilt().map(|z| 0.5 * (z + 1.0))
     }
 
@@ -146,7 +141,7 @@ impl Detail {
     ///
     /// # Errors
     /// When there is no line, shapes differ or the exemplar is level.
-    pub fn calibrate(
+    pub(crate) fn calibrate(
         &mut self,
         twin: &Grid<f32>,
         lines: &LineMap,
@@ -242,37 +237,37 @@ impl DetailModel for Detail {
 /// What a training was and how well the exemplar is rebuilt from its fixed noise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DetailRecord {
+pub(crate) struct DetailRecord {
     /// Seconds of the training.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Steps of every scale, the coarsest first.
-    pub steps: Vec<usize>,
+    pub(crate) steps: Vec<usize>,
     /// PSNR of the rebuilt exemplar, decibels, range 1.
-    pub psnr: f64,
+    pub(crate) psnr: f64,
     /// Share of the trained detail that suits the exemplar best; 1 before [`Detail::calibrate`].
-    pub gain: f32,
+    pub(crate) gain: f32,
 }
 
 /// What a style file says of its detail model beside the weights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DetailInfo {
+pub(crate) struct DetailInfo {
     /// The settings of the training.
-    pub config: DetailConfig,
+    pub(crate) config: DetailConfig,
     /// (rows, columns) of the scales.
-    pub sizes: Vec<(usize, usize)>,
+    pub(crate) sizes: Vec<(usize, usize)>,
     /// Seed of the reconstruction's noise.
-    pub fixed_noise: Seed,
+    pub(crate) fixed_noise: Seed,
     /// Every scale.
-    pub scales: Vec<ScaleInfo>,
+    pub(crate) scales: Vec<ScaleInfo>,
     /// The training.
-    pub record: DetailRecord,
+    pub(crate) record: DetailRecord,
 }
 
 impl Detail {
     /// The description and the named weights, to be stored in any container.
     #[must_use]
-    pub fn parts(&self) -> (DetailInfo, Vec<(String, Vec<f32>)>) {
+    pub(crate) fn parts(&self) -> (DetailInfo, Vec<(String, Vec<f32>)>) {
         let info = DetailInfo {
             config: self.config.clone(),
             sizes: self.sizes.clone(),
@@ -289,7 +284,10 @@ impl Detail {
     ///
     /// # Errors
     /// When the description contradicts itself or a tensor is missing or has another length.
-    pub fn from_parts(info: DetailInfo, mut weights: impl FnMut(&str) -> Result<Vec<f32>>) -> Result<Self> {
+    pub(crate) fn from_parts(
+        info: DetailInfo,
+        mut weights: impl FnMut(&str) -> Result<Vec<f32>>,
+    ) -> Result<Self> {
         info.config.validate()?;
         if !(0.0..=10.0).contains(&info.record.gain) {
             return Err(Error::value("gain of the detail", info.record.gain, "allowed: 0 to 10"));

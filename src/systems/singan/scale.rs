@@ -18,15 +18,15 @@ const TILE: usize = 160;
 /// What a scale is beside its weights.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ScaleInfo {
+pub(crate) struct ScaleInfo {
     /// Amplitude of the noise.
-    pub noise: f32,
+    pub(crate) noise: f32,
     /// Height of an output of 1.
-    pub output: f32,
+    pub(crate) output: f32,
     /// Root mean square slope of the exemplar.
-    pub slope: f32,
+    pub(crate) slope: f32,
     /// The same of its coarse twins.
-    pub slope_of_twins: f32,
+    pub(crate) slope_of_twins: f32,
 }
 
 /// How maps become inputs of the networks.

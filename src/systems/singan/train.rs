@@ -42,7 +42,7 @@ struct Step {
 /// # Errors
 /// When a setting is out of range, the exemplar is smaller than 16 cells or level, a loss stops being finite, or a checkpoint
 /// cannot be written or does not belong to this training.
-pub fn train(
+pub(crate) fn train(
     heights: &Grid<f32>,
     twins: &[Grid<f32>],
     config: &DetailConfig,

@@ -8,21 +8,21 @@ use serde::{Deserialize, Serialize};
 /// How atoms are learned and used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct SparseConfig {
+pub(crate) struct SparseConfig {
     /// Number of atoms, N (before symmetries); 0 takes every square of the exemplar, the paper's complete dictionary.
-    pub atoms: usize,
+    pub(crate) atoms: usize,
     /// Atoms of a disc, s; 1 in Table 2.
-    pub sparsity: usize,
+    pub(crate) sparsity: usize,
     /// Radius R of a disc in cells of the map: the larger it is the less of the map and the more of the exemplar is seen (Fig. 11).
-    pub radius: f64,
+    pub(crate) radius: f64,
     /// Cells of the map from disc to disc; less than 1.41 radii.
-    pub step: usize,
+    pub(crate) step: usize,
     /// Whether atoms are used in all eight symmetries of the square.
-    pub symmetries: bool,
+    pub(crate) symmetries: bool,
     /// Whether amplified terrain is the map again when it is shrunk; without it atoms take the map's place, as published.
-    pub consistent: bool,
+    pub(crate) consistent: bool,
     /// Most rounds of learning.
-    pub rounds: usize,
+    pub(crate) rounds: usize,
 }
 
 impl Default for SparseConfig {

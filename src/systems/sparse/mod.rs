@@ -10,7 +10,7 @@ mod config;
 #[cfg(test)]
 mod tests;
 
-pub use config::SparseConfig;
+pub(crate) use config::SparseConfig;
 
 use crate::arrays::Arrays;
 use crate::checked::Checked;
@@ -46,36 +46,36 @@ const MOST: usize = 256;
 /// What a style file says of the detail beside the exemplar and its atoms.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SparseInfo {
+pub(crate) struct SparseInfo {
     /// Rows of the exemplar.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Columns of the exemplar.
-    pub cols: usize,
+    pub(crate) cols: usize,
     /// The settings.
-    pub config: Checked<SparseConfig>,
+    pub(crate) config: Checked<SparseConfig>,
     /// What was measured.
-    pub record: SparseRecord,
+    pub(crate) record: SparseRecord,
 }
 
 /// What was measured when atoms were learned.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SparseRecord {
+pub(crate) struct SparseRecord {
     /// Atoms, without symmetries.
-    pub atoms: usize,
+    pub(crate) atoms: usize,
     /// Rounds of learning.
-    pub rounds: usize,
+    pub(crate) rounds: usize,
     /// Share of the exemplar's coarse forms that its atoms explain.
-    pub explained: f64,
+    pub(crate) explained: f64,
     /// The share of fine forms that costs no PSNR against the bicubic map, at most 1.
-    pub gain: f32,
+    pub(crate) gain: f32,
     /// Seconds that it took.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 /// Sparse detail: an exemplar and which of its squares are atoms.
 #[derive(Clone, Debug, PartialEq)]
-pub struct SparseDetail {
+pub(crate) struct SparseDetail {
     config: SparseConfig,
     /// Unit interval.
     exemplar: Grid<f32>,

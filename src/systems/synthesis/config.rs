@@ -9,65 +9,65 @@ pub(super) const WIDEST: usize = 3;
 /// One size of the pyramid. Lengths are in cells of that size.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LevelConfig {
+pub(crate) struct LevelConfig {
     /// A patch reaches so far around its centre, 1 to 3.
-    pub radius: usize,
+    pub(crate) radius: usize,
     /// Rounds of search and vote, 1 to 50.
-    pub rounds: usize,
+    pub(crate) rounds: usize,
     /// Sweeps of a search, 1 to 50.
-    pub sweeps: usize,
+    pub(crate) sweeps: usize,
     /// The random search begins with a window of this reach and halves it; absent: the whole exemplar, in any symmetry.
-    pub reach: Option<usize>,
+    pub(crate) reach: Option<usize>,
     /// Cost of a neighbour whose source does not go on from the cell's own, as a share of all four (Potts), 0 to 10.
-    pub coherence: f32,
+    pub(crate) coherence: f32,
     /// Share of the weights of `guide` that counts here, 0 to 10.
-    pub guide: f32,
+    pub(crate) guide: f32,
     /// Weight of the surface without forms below `flow_sigma`, which says where slopes fall, 0 to 100.
-    pub flow: f32,
+    pub(crate) flow: f32,
     /// Standard deviation of that surface's Gaussian, 0 to 100.
-    pub flow_sigma: f64,
+    pub(crate) flow_sigma: f64,
     /// Standard deviation of the votes around a patch's centre, above 0 to 10.
-    pub spread: f64,
+    pub(crate) spread: f64,
     /// Weight of a stroke's height beside a squared gradient, above 0 to 1e6.
-    pub strokes: f64,
+    pub(crate) strokes: f64,
     /// Whether the surface is pulled towards the large forms of its guide.
-    pub screened: bool,
+    pub(crate) screened: bool,
 }
 
 /// What patches are compared by, beside heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GuideConfig {
+pub(crate) struct GuideConfig {
     /// Weight of the membrane through the strokes, beside a landscape model.
-    pub membrane: f32,
+    pub(crate) membrane: f32,
     /// The same where there is no landscape model.
-    pub membrane_alone: f32,
+    pub(crate) membrane_alone: f32,
     /// Weight of the landscape model's surface.
-    pub landscape: f32,
+    pub(crate) landscape: f32,
     /// Weight of the squared difference of the nearness of strokes.
-    pub strokes: f32,
+    pub(crate) strokes: f32,
     /// Weight of the squared difference of mean heights: forms stand at the heights where the exemplar has them.
-    pub elevation: f32,
+    pub(crate) elevation: f32,
     /// Nearness of a stroke falls to 1/e at this distance, cells of the level.
-    pub nearness: f64,
+    pub(crate) nearness: f64,
 }
 
 /// The layout of the coarsest size, from large patches placed one by one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct QuiltingConfig {
+pub(crate) struct QuiltingConfig {
     /// A patch reaches so far around its centre, 1 to 16 cells.
-    pub radius: usize,
+    pub(crate) radius: usize,
     /// From one patch to the next, 1 to 2 x radius cells.
-    pub step: usize,
+    pub(crate) step: usize,
     /// Places of the exemplar that are tried for each patch, 1 to 1e7.
-    pub candidates: usize,
+    pub(crate) candidates: usize,
     /// One of those within this share of the least cost is drawn, 0 to 10.
-    pub tolerance: f32,
+    pub(crate) tolerance: f32,
     /// Weight of a stroke's cell beside a cell that a patch has laid.
-    pub strokes: f32,
+    pub(crate) strokes: f32,
     /// Cost of a place that is used as often as all would be if use were even.
-    pub usage: f32,
+    pub(crate) usage: f32,
 }
 
 /// Every parameter of the synthesis; `Default` holds the values that served best in our measurements.
@@ -75,36 +75,36 @@ pub struct QuiltingConfig {
 #[serde(default, deny_unknown_fields)]
 pub struct SynthesisConfig {
     /// From the finest size (cells of the map) to the coarsest, each twice as coarse as the one before: 1 to 6.
-    pub levels: Vec<LevelConfig>,
+    pub(crate) levels: Vec<LevelConfig>,
     /// What patches are compared by.
-    pub guide: GuideConfig,
+    pub(crate) guide: GuideConfig,
     /// The coarsest size.
-    pub quilting: QuiltingConfig,
+    pub(crate) quilting: QuiltingConfig,
     /// Energy that is added to that of two patches when their difference is divided by it, in the exemplar's mean.
-    pub floor: f32,
+    pub(crate) floor: f32,
     /// A place that is used as often as all would be if use were even costs so much more, as a share.
-    pub usage: f32,
+    pub(crate) usage: f32,
     /// Votes fall to 1/e at this distance between patches.
-    pub vote_scale: f32,
+    pub(crate) vote_scale: f32,
     /// Least and most that the heights of a patch are stretched to fit where the landscape model guides: from .1 to 1, and from 1
     /// to 10.
-    pub stretch: [f32; 2],
+    pub(crate) stretch: [f32; 2],
     /// Drawings of the exemplar by its own main lines, 1 to 8.
-    pub self_sketches: usize,
+    pub(crate) self_sketches: usize,
     /// Length of strokes, in cells on a map of 256x256, that makes one line a self-sketch.
-    pub line_length: f64,
+    pub(crate) line_length: f64,
     /// Most lines of a kind on 256x256 cells of a self-sketch.
-    pub most_lines: usize,
+    pub(crate) most_lines: usize,
     /// Strokes are displaced by a smooth random field of this root mean square inside the synthesis, cells.
-    pub warp: f64,
+    pub(crate) warp: f64,
     /// Forms larger than this are the landscape model's where the surface is screened, cells.
-    pub cut: f64,
+    pub(crate) cut: f64,
     /// Forms larger than this are the smoothed membrane's where there is no landscape model, cells.
-    pub cut_alone: f64,
+    pub(crate) cut_alone: f64,
     /// Slopes that disagreeing patches lose are given back at most so many times; 1 gives back nothing.
-    pub most_gain: f64,
+    pub(crate) most_gain: f64,
     /// Weight that keeps the surface where it was where nothing else says its height.
-    pub hold: f64,
+    pub(crate) hold: f64,
 }
 
 impl Default for SynthesisConfig {
@@ -171,7 +171,7 @@ impl SynthesisConfig {
     ///
     /// # Errors
     /// Names the first field that is out of range, its value and what is allowed.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let number = |name: &str, value: f64, low: f64, high: f64| {
             if (low..=high).contains(&value) {
                 return Ok(());

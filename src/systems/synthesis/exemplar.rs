@@ -5,7 +5,7 @@ use super::patch::Channel;
 use super::source::Centres;
 use super::strokes::LevelStrokes;
 use super::symmetry::{self, Symmetries};
-use crate::dem::{CellSize, Dem, SQUARE_WITHIN};
+use crate::dem::Dem;
 use crate::error::{Error, Result};
 use crate::extract::{MainLines, MainLinesConfig};
 use crate::grid::pyramid::{doubled, halved, halved_mask};
@@ -21,8 +21,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Largest number of the exemplar's cells.
 const LARGEST: usize = 1 << 24;
-/// A DEM is brought to cells at most so many times larger or smaller.
-const MOST_RESIZED: f64 = 8.0;
 /// The coarsest size keeps so many cells of the shorter side beyond a patch of the quilting.
 const ROOM: usize = 5;
 /// A map has at least so many cells at its coarsest size.
@@ -36,8 +34,6 @@ const TILING: f64 = 0.25;
 pub struct Synthesis {
     config: SynthesisConfig,
     cell: f64,
-    /// (rows, columns) of the DEM that was given.
-    own_shape: (usize, usize),
     /// Subtracted from all heights inside.
     datum: f64,
     levels: Vec<Level>,
@@ -133,7 +129,6 @@ impl Synthesis {
             landscape: LandscapeFit::of(dem.heights(), dem.valid(), cell)?,
             config,
             cell,
-            own_shape: (rows, cols),
             datum,
             levels,
             tilings: Vec::new(),
@@ -169,43 +164,9 @@ impl Synthesis {
         Centres::new(dem.valid(), finest).map(|_| ()).ok_or_else(no_patch)
     }
 
-    /// Prepares a DEM for maps whose cells have another size, metres: it is resampled first, and what a finer map shows
-    /// between the DEM's cells is smooth. Origins are still given in the DEM's own cells.
-    ///
-    /// # Errors
-    /// When the cells are more than 8 times larger or smaller than the DEM's, or as [`new`](Self::new) for the resampled DEM.
-    pub fn with_cell_size(dem: &Dem, cell: f64, config: &SynthesisConfig) -> Result<Self> {
-        let own = dem.cell_size().mean();
-        let ratio = own / cell;
-        if !(MOST_RESIZED.recip()..=MOST_RESIZED).contains(&ratio) {
-            let allowed = format!("allowed: an eighth to 8 times the exemplar's {own} m");
-            return Err(Error::value("cell size of the map", cell, allowed));
-        }
-        if (ratio - 1.0).abs() <= SQUARE_WITHIN {
-            return Self::new(dem, config);
-        }
-        let side = |n: usize| ((n as f64 * ratio).round() as usize).max(1);
-        let (rows, cols) = (side(dem.shape().0), side(dem.shape().1));
-        let heights = resample(&filled(dem, 0.0)?, rows, cols);
-        // A cell is known when all that it is made from is.
-        let known =
-            resample(&dem.valid().map(|ok| f32::from(u8::from(*ok))), rows, cols).map(|share| *share > 0.999);
-        let resized = Dem::with_voids(heights, known, CellSize::square(cell)?)?;
-        Ok(Self { own_shape: dem.shape(), ..Self::new(&resized, config)? })
-    }
-
-    /// The cell of the DEM that was given at a place of the prepared one.
-    pub(super) fn own_cell(&self, cell: Cell) -> Cell {
-        let (rows, cols) = self.shape();
-        Cell::new(
-            (2 * cell.row + 1) * self.own_shape.0 / (2 * rows),
-            (2 * cell.col + 1) * self.own_shape.1 / (2 * cols),
-        )
-    }
-
     /// What it was prepared with; fewer sizes than asked where the exemplar is small.
     #[must_use]
-    pub const fn config(&self) -> &SynthesisConfig {
+    pub(crate) const fn config(&self) -> &SynthesisConfig {
         &self.config
     }
 
@@ -217,13 +178,13 @@ impl Synthesis {
 
     /// Metres of a cell.
     #[must_use]
-    pub const fn cell(&self) -> f64 {
+    pub(crate) const fn cell(&self) -> f64 {
         self.cell
     }
 
     /// (rows, columns).
     #[must_use]
-    pub fn shape(&self) -> (usize, usize) {
+    pub(crate) fn shape(&self) -> (usize, usize) {
         self.levels[0].heights.shape()
     }
 
@@ -237,7 +198,7 @@ impl Synthesis {
 
     /// The landscape model's laws of the exemplar.
     #[must_use]
-    pub const fn landscape(&self) -> &LandscapeFit {
+    pub(crate) const fn landscape(&self) -> &LandscapeFit {
         &self.landscape
     }
 

@@ -38,9 +38,7 @@ pub struct Synthesized {
     /// Heights, in the unit of the strokes. Those of the strokes are theirs to the bit.
     pub heights: Grid<f32>,
     /// Where every cell comes from.
-    pub provenance: Provenance,
-    /// Whether the landscape model guided it.
-    pub has_landscape: bool,
+    pub(crate) provenance: Provenance,
     /// Share of the cells in pits before and after breaches were cut.
     pub pits: (f64, f64),
 }
@@ -74,12 +72,7 @@ impl Synthesis {
             landscape::breach(&pinned, lines, &BreachConfig { pit_share, ..Default::default() }, stop)?;
         Ok(Synthesized {
             heights: drained.heights,
-            provenance: provenance(
-                &made.field.sources.crop(Window::new(Cell::new(0, 0), rows, cols))?,
-                lines,
-                |cell| self.own_cell(cell),
-            ),
-            has_landscape: made.landscape.is_some(),
+            provenance: provenance(&made.field.sources.crop(Window::whole((rows, cols)))?, lines),
             pits: (drained.pits_before, drained.pits_after),
         })
     }

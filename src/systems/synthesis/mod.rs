@@ -22,11 +22,10 @@ mod votes;
 #[cfg(test)]
 mod tests;
 
-pub use config::{GuideConfig, LevelConfig, QuiltingConfig, SynthesisConfig};
+pub use config::SynthesisConfig;
 pub use exemplar::Synthesis;
-pub use generate::Synthesized;
-pub use symmetry::Symmetries;
-pub use system::{SynthesisInfo, SynthesisSystem};
+pub(crate) use generate::Synthesized;
+pub(crate) use system::SynthesisSystem;
 
 use super::task::SketchToTerrain;
 use crate::control::Stop;

@@ -1,19 +1,19 @@
 //! Where every cell of a synthesis comes from.
 
 use super::source::Source;
-use crate::grid::{Cell, Grid};
+use crate::grid::Grid;
 use crate::metrics::{Origin, Provenance};
 use crate::sketch::LineMap;
 
-/// `own`: the cell of the exemplar that was given for a cell of the one that was searched.
-pub(super) fn provenance(sources: &Grid<Source>, lines: &LineMap, own: impl Fn(Cell) -> Cell) -> Provenance {
+/// Sources as cells of the exemplar; strokes come from the drawing.
+pub(super) fn provenance(sources: &Grid<Source>, lines: &LineMap) -> Provenance {
     let (rows, cols) = sources.shape();
     Provenance::new(Grid::from_fn(rows, cols, |c| {
         if lines.kinds()[c].is_some() {
             return Origin::Stroke;
         }
         let source = sources[c];
-        Origin::Exemplar { cell: own(source.cell()), symmetry: source.turn }
+        Origin::Exemplar { cell: source.cell(), symmetry: source.turn }
     }))
 }
 

@@ -27,7 +27,8 @@ pub struct Symmetries {
 impl Symmetries {
     /// Whether the exemplar has a direction: some symmetry is left out.
     #[must_use]
-    pub fn is_anisotropic(&self) -> bool {
+    #[cfg(test)]
+    pub(crate) fn is_anisotropic(&self) -> bool {
         self.used.len() < TURNS as usize
     }
 }

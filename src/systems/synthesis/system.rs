@@ -25,18 +25,18 @@ const SPARSE: f64 = 0.1;
 /// What a style file says of the system; the terrain is the style's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SynthesisInfo {
+pub(crate) struct SynthesisInfo {
     /// The settings.
-    pub config: SynthesisConfig,
+    pub(crate) config: SynthesisConfig,
     /// Metres of the unit in which lines come and terrain goes.
-    pub unit: Normalization,
+    pub(crate) unit: Normalization,
     /// Seconds that the preparation took.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
 }
 
 /// Terrain by analogy with the exemplar. Heights of lines and terrain are in the unit interval of its [`SynthesisInfo::unit`];
 /// cells are as large as the exemplar's.
-pub struct SynthesisSystem {
+pub(crate) struct SynthesisSystem {
     info: SynthesisInfo,
     terrain: Arc<Dem>,
     prepared: OnceLock<Synthesis>,
@@ -69,7 +69,7 @@ impl SynthesisSystem {
     ///
     /// # Errors
     /// As there.
-    pub fn synthesize(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Synthesized> {
+    pub(crate) fn synthesize(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Synthesized> {
         let metres = lines.to_metres(self.info.unit);
         self.prepared()?.synthesize(&metres, seed, stop)
     }

@@ -145,25 +145,6 @@ fn own_strokes_give_the_exemplar_back() {
     assert!(error(&|c| f64::from(made[c])) < 0.5 * spread, "{} of {spread}", error(&|c| f64::from(made[c])));
 }
 
-/// Maps with coarser cells take their forms from the exemplar as it is at that size, and say where in the DEM they stand.
-#[test]
-fn cells_may_have_another_size() {
-    let dem = dem(160, 140);
-    let config = SynthesisConfig::default();
-    let synthesis = Synthesis::with_cell_size(&dem, 60.0, &config).unwrap();
-    assert_eq!((synthesis.shape(), synthesis.cell()), ((80, 70), 60.0));
-    let made = synthesis.synthesize(&drawing(48, 48), Seed(1), &Stop::new()).unwrap();
-    let rows = made.provenance.origins().as_slice().iter().filter_map(|origin| match origin {
-        Origin::Exemplar { cell, .. } => Some(cell.row),
-        Origin::Stroke => None,
-    });
-    let highest = rows.max().unwrap();
-    assert!((80..160).contains(&highest), "origins are cells of the DEM: {highest}");
-    assert_eq!(Synthesis::with_cell_size(&dem, 30.3, &config).unwrap().shape(), (160, 140));
-    let error = Synthesis::with_cell_size(&dem, 300.0, &config).err().unwrap().to_string();
-    assert!(error.contains("cell size of the map is 300"), "{error}");
-}
-
 /// Narrow crests on level ground with pits between them: nothing that rivers made.
 fn crests(sign: f32) -> Dem {
     let crest = |at: f32| 30.0 * (0.5 + 0.5 * (std::f32::consts::TAU * at).cos()).powi(6);
@@ -202,7 +183,6 @@ fn large_forms_are_those_of_the_strokes() {
         assert!(!synthesis.landscape().is_fluvial());
         let one = |seed| {
             let made = synthesis.synthesize(&lines, Seed(seed), &Stop::new()).unwrap();
-            assert!(!made.has_landscape);
             let apart =
                 large(&made.heights).cells().map(|(c, z)| f64::from(z - wanted[c])).collect::<Vec<_>>();
             let mean = apart.iter().sum::<f64>() / apart.len() as f64;

@@ -19,22 +19,22 @@ use serde::{Deserialize, Serialize};
 pub struct DetailUse {
     /// Forms smaller than this many cells are the model's, larger ones the map's: the scale where detail begins. Absent: the
     /// mean distance of a cell to the nearest line, which is about the size of what lines leave open; 2 without lines.
-    pub size: Option<f64>,
+    pub(crate) size: Option<f64>,
     /// How much of it: 0 none, 1 the exemplar's own, more is rougher.
-    pub strength: f32,
+    pub(crate) strength: f32,
     /// Share of the map's own small forms that stay; 0 replaces them (SinGAN's own use), 1 adds to them.
-    pub keep: f32,
+    pub(crate) keep: f32,
     /// Amplitude of the noise: 0 gives the one most likely answer, 1 as trained. For patches: every seed leaves out the share
     /// noise / (1 + noise) of the exemplar's. Sparse sums have one answer, the same for all seeds.
-    pub noise: f32,
+    pub(crate) noise: f32,
     /// Share of the generators' most likely answer, the one without noise, that is added. 0 leaves what is likely to the map,
     /// and adds only what a draw has beside it; 1 is SinGAN's own use. Patches have one answer, which is added whole.
-    pub likely: f32,
+    pub(crate) likely: f32,
     /// Whether the map's slopes at the first scale are brought to those of the exemplar's coarse twins before, and back after:
     /// detail then fits the map's relief whatever its unit. Without it heights are taken in the exemplar's range.
-    pub match_relief: bool,
+    pub(crate) match_relief: bool,
     /// Whether the strength counts from the one that suits the exemplar best (the model's [`gain`](DetailModel::gain)), or from what was trained.
-    pub calibrated: bool,
+    pub(crate) calibrated: bool,
 }
 
 /// Where detail begins without lines, cells.
@@ -61,7 +61,7 @@ impl DetailUse {
     ///
     /// # Errors
     /// Names the first field that is out of range.
-    pub fn validate(&self) -> Result<()> {
+    pub(crate) fn validate(&self) -> Result<()> {
         let number = |name: &str, value: f64, low: f64, high: f64| {
             if (low..=high).contains(&value) {
                 return Ok(());
@@ -80,9 +80,9 @@ impl DetailUse {
 #[derive(Clone, Debug)]
 pub struct Residual {
     /// The map without the forms that are the model's. (rows, columns) of the map, in its unit.
-    pub smooth: Grid<f32>,
+    pub(crate) smooth: Grid<f32>,
     /// What the model adds. (rows, columns) of the map, in its unit.
-    pub added: Grid<f32>,
+    pub(crate) added: Grid<f32>,
 }
 
 /// A model of an exemplar's small forms.
@@ -183,7 +183,7 @@ pub trait DetailModel: Send + Sync {
 ///
 /// # Errors
 /// When there is no line, shapes differ or the exemplar is level.
-pub fn gain_of(found: &Residual, twin: &Grid<f32>, lines: &LineMap, truth: &Grid<f32>) -> Result<f32> {
+pub(crate) fn gain_of(found: &Residual, twin: &Grid<f32>, lines: &LineMap, truth: &Grid<f32>) -> Result<f32> {
     let correction = Correction::new(CorrectionKind::NaturalNeighbour, lines)?;
     let (ground, residual) = tied(twin, found, Some(&correction), DetailUse::default().keep, &Stop::new())?;
     best_gain(&ground, &residual, truth)
@@ -212,7 +212,7 @@ fn corrected(correction: Option<&Correction>, map: Grid<f32>, stop: &Stop) -> Re
 }
 
 /// a x + b y, cell by cell.
-pub fn combined(x: &Grid<f32>, a: f32, y: &Grid<f32>, b: f32) -> Grid<f32> {
+pub(crate) fn combined(x: &Grid<f32>, a: f32, y: &Grid<f32>, b: f32) -> Grid<f32> {
     let mut sum = x.clone();
     for (x, y) in sum.as_mut_slice().iter_mut().zip(y.as_slice()) {
         *x = a * *x + b * y;
@@ -221,7 +221,7 @@ pub fn combined(x: &Grid<f32>, a: f32, y: &Grid<f32>, b: f32) -> Grid<f32> {
 }
 
 /// Mean distance of a cell to the nearest line, cells: the size of what lines leave open.
-pub fn gap(lines: &LineMap) -> f64 {
+pub(crate) fn gap(lines: &LineMap) -> f64 {
     let squared = distance::squared(&lines.mask());
     let sum: f64 = squared.as_slice().iter().map(|d| f64::from(*d).sqrt()).sum();
     (sum / squared.len() as f64).max(1.0)

@@ -19,7 +19,7 @@ const LONGEST_TERRAIN: usize = 1024;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExemplarInfo {
     /// Name of the DEM: a file name or a bundled tile.
-    pub name: String,
+    pub(crate) name: String,
     /// First row of the window in that DEM.
     pub row: usize,
     /// First column of the window.
@@ -29,11 +29,11 @@ pub struct ExemplarInfo {
     /// Columns of the window.
     pub cols: usize,
     /// Cell size on the ground, (x, y) metres.
-    pub cell_size: [f64; 2],
+    pub(crate) cell_size: [f64; 2],
     /// SHA-256 of the whole DEM's heights and voids ([`fingerprint`]).
-    pub source_sha256: String,
+    pub(crate) source_sha256: String,
     /// SHA-256 of the window's heights and voids.
-    pub sha256: String,
+    pub(crate) sha256: String,
 }
 
 /// The exemplar window of a DEM, ready to be learned.
@@ -96,7 +96,7 @@ impl Source {
 
 /// SHA-256 over shape, heights and voids of a DEM, as hexadecimal digits.
 #[must_use]
-pub fn fingerprint(dem: &Dem) -> String {
+pub(crate) fn fingerprint(dem: &Dem) -> String {
     let mut hasher = Sha256::new();
     let (rows, cols) = dem.shape();
     hasher.update((rows as u64).to_le_bytes());
@@ -112,20 +112,20 @@ pub fn fingerprint(dem: &Dem) -> String {
 #[derive(Clone, Debug)]
 pub struct Exemplar {
     /// The window and the terrain around it, metres.
-    pub source: Source,
+    pub(crate) source: Source,
     /// Metres of the unit interval: the window's range.
-    pub normalization: Normalization,
+    pub(crate) normalization: Normalization,
     /// (rows, cols) of the window, unit interval.
     pub heights: Grid<f32>,
     /// How lines are found.
-    pub extraction: ExtractionConfig,
+    pub(crate) extraction: ExtractionConfig,
     /// From which everything random is drawn.
-    pub seed: Seed,
+    pub(crate) seed: Seed,
     /// Variants of the lines that the coarse system learns from: detail sees the exemplar drawn as often.
-    pub extractions: usize,
+    pub(crate) extractions: usize,
     /// What the coarse system makes of the exemplar's lines where it has not seen the exemplar, unit interval; for detail, and
     /// none where that is not measured.
-    pub unseen: Option<Grid<f32>>,
+    pub(crate) unseen: Option<Grid<f32>>,
 }
 
 impl Exemplar {
@@ -149,7 +149,7 @@ impl Exemplar {
 
     /// The terrain around the window, and with it.
     #[must_use]
-    pub fn terrain(&self) -> &Arc<Dem> {
+    pub(crate) fn terrain(&self) -> &Arc<Dem> {
         &self.source.terrain
     }
 
@@ -157,7 +157,7 @@ impl Exemplar {
     ///
     /// # Errors
     /// When the standard one shows no line.
-    pub fn variants(&self, count: usize) -> Result<Vec<LineMap>> {
+    pub(crate) fn variants(&self, count: usize) -> Result<Vec<LineMap>> {
         let valid = self.source.dem.valid();
         let variants = extract::variants(&self.heights, valid, &self.extraction, count, self.seed)?;
         if variants[0].line_count() == 0 {
@@ -172,7 +172,7 @@ impl Exemplar {
     ///
     /// # Errors
     /// When the solver fails.
-    pub fn filled(&self) -> Result<Grid<f32>> {
+    pub(crate) fn filled(&self) -> Result<Grid<f32>> {
         let valid = self.source.dem.valid();
         if !valid.as_slice().contains(&false) {
             return Ok(self.heights.clone());
@@ -184,7 +184,7 @@ impl Exemplar {
     ///
     /// # Errors
     /// As [`variants`](Self::variants).
-    pub fn twins(&self, count: usize) -> Result<Vec<(Grid<f32>, LineMap)>> {
+    pub(crate) fn twins(&self, count: usize) -> Result<Vec<(Grid<f32>, LineMap)>> {
         let variants = self.variants(count)?.into_iter().filter(|lines| lines.line_count() > 0);
         variants.map(|lines| Ok((natural_surface(&lines)?, lines))).collect()
     }

@@ -8,10 +8,13 @@ mod part;
 mod random_lines;
 mod sampling;
 
-pub use detail::{DetailModel, DetailUse, Residual, combined, gain_of, gap};
-pub use exemplar::{Exemplar, ExemplarInfo, Source, fingerprint};
-pub use part::{Account, Part, System, Use};
-pub use random_lines::{Ground, RandomHeights, with_random_lines};
+pub use detail::DetailUse;
+pub(crate) use detail::{DetailModel, Residual, combined, gain_of, gap};
+pub use exemplar::{Exemplar, Source};
+pub(crate) use exemplar::{ExemplarInfo, fingerprint};
+pub(crate) use part::{Account, Use};
+pub use part::{Part, System};
+pub(crate) use random_lines::{Ground, RandomHeights, with_random_lines};
 pub use sampling::SampleUse;
 
 use crate::control::Stop;
@@ -79,13 +82,13 @@ pub trait SketchToTerrain: Send + Sync {
 /// A system that goes on where another one ends.
 pub struct Finishing {
     /// Makes the terrain.
-    pub start: Arc<dyn SketchToTerrain>,
+    pub(crate) start: Arc<dyn SketchToTerrain>,
     /// The rest: (terrain, lines, seed, stop).
-    pub finish: Box<FinishFn>,
+    pub(crate) finish: Box<FinishFn>,
 }
 
 /// The second half of a [`Finishing`] system.
-pub type FinishFn = dyn Fn(&Grid<f32>, &LineMap, Seed, &Stop) -> Result<Grid<f32>> + Send + Sync;
+pub(crate) type FinishFn = dyn Fn(&Grid<f32>, &LineMap, Seed, &Stop) -> Result<Grid<f32>> + Send + Sync;
 
 impl SketchToTerrain for Finishing {
     fn generate(&self, lines: &LineMap, seed: Seed, stop: &Stop) -> Result<Grid<f32>> {

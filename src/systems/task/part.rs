@@ -57,17 +57,17 @@ pub trait Part: Debug + Sized + Send + Sync + 'static {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Account {
     /// In words, for people.
-    pub text: String,
+    pub(crate) text: String,
     /// Seconds that it took.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Figures by name.
-    pub figures: Vec<(&'static str, f64)>,
+    pub(crate) figures: Vec<(&'static str, f64)>,
 }
 
 impl Account {
     /// A figure.
     #[must_use]
-    pub fn figure(&self, name: &str) -> Option<f64> {
+    pub(crate) fn figure(&self, name: &str) -> Option<f64> {
         self.figures.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
     }
 }
@@ -137,7 +137,7 @@ pub trait System: Part + SketchToTerrain {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Use {
     /// What is put behind the system's name; empty for the usual way.
-    pub suffix: &'static str,
+    pub(crate) suffix: &'static str,
     /// Whether it is also offered with the harmonic correction: it ends beside its lines.
-    pub corrected: bool,
+    pub(crate) corrected: bool,
 }

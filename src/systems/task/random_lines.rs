@@ -14,7 +14,7 @@ const RISE: f64 = 0.6;
 /// Where random lines lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum RandomHeights {
+pub(crate) enum RandomHeights {
     /// Ridges a little above the surface through the drawn strokes, valleys a little below, as steep as the style.
     #[default]
     Style,
@@ -24,11 +24,11 @@ pub enum RandomHeights {
 
 /// What random lines are measured by.
 #[derive(Clone, Copy, Debug)]
-pub struct Ground {
+pub(crate) struct Ground {
     /// Lowest and highest height, in the unit of the sketch.
-    pub range: (f64, f64),
+    pub(crate) range: (f64, f64),
     /// Mean slope of the style's exemplar, in the unit of the sketch a cell; unknown in styles of older versions.
-    pub slope: Option<f64>,
+    pub(crate) slope: Option<f64>,
 }
 
 /// The sketch with `nodes` nodes of random ridges and valleys. Where nothing is drawn or the slope is not known, heights come
@@ -36,7 +36,7 @@ pub struct Ground {
 ///
 /// # Errors
 /// As [`enhance`].
-pub fn with_random_lines(
+pub(crate) fn with_random_lines(
     sketch: &Sketch,
     nodes: usize,
     heights: RandomHeights,

@@ -18,14 +18,14 @@ const FINENESS: u32 = 8;
 /// Paper of plots. A page may replace this colour and the next three for a dark theme.
 pub(super) const PAPER: Rgb = Rgb::hex(0xff_ff_fe);
 /// Text of plots.
-pub const INK: Rgb = Rgb::hex(0x26_28_2c);
+pub(crate) const INK: Rgb = Rgb::hex(0x26_28_2c);
 /// Secondary text and axes.
-pub const SOFT_INK: Rgb = Rgb::hex(0x63_67_6f);
+pub(crate) const SOFT_INK: Rgb = Rgb::hex(0x63_67_6f);
 /// Grid lines.
-pub const GRID: Rgb = Rgb::hex(0xe3_e4_e8);
+pub(crate) const GRID: Rgb = Rgb::hex(0xe3_e4_e8);
 /// Colours of data in their order: told apart on light and dark paper, and by people with the common forms of colour
 /// blindness when neighbours in the list are compared.
-pub const SERIES: [Rgb; 8] = [
+pub(crate) const SERIES: [Rgb; 8] = [
     Rgb::hex(0x2f_78_d2),
     Rgb::hex(0xe0_7b_26),
     Rgb::hex(0x2f_9c_7d),

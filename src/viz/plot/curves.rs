@@ -14,7 +14,7 @@ struct Series {
 
 /// Curves of one quantity.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
+pub(crate) struct Panel {
     quantity: String,
     log: bool,
     series: Vec<Series>,
@@ -23,20 +23,24 @@ pub struct Panel {
 impl Panel {
     /// An empty panel; `quantity` names the y axis with its unit ("PSNR, dB").
     #[must_use]
-    pub fn new(quantity: impl Into<String>) -> Self {
+    pub(crate) fn new(quantity: impl Into<String>) -> Self {
         Self { quantity: quantity.into(), log: false, series: Vec::new() }
     }
 
     /// The same panel with a logarithmic y axis. Values of 0 or less have no place there: they are left out, and the
     /// plot says how many.
     #[must_use]
-    pub fn log(self) -> Self {
+    pub(crate) fn log(self) -> Self {
         Self { log: true, ..self }
     }
 
     /// One more curve, through `points` (x, y) in the order given.
     #[must_use]
-    pub fn curve(mut self, name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn curve(
+        mut self,
+        name: impl Into<String>,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
         self.series.push(Series { name: name.into(), points: points.into_iter().collect() });
         self
     }
@@ -56,7 +60,7 @@ impl Panel {
 /// # Ok::<(), monadnock::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Curves {
+pub(crate) struct Curves {
     title: String,
     x: String,
     panels: Vec<Panel>,
@@ -81,13 +85,13 @@ struct Frame {
 impl Curves {
     /// No panels yet; `x` names the common axis ("epoch").
     #[must_use]
-    pub fn new(title: impl Into<String>, x: impl Into<String>) -> Self {
+    pub(crate) fn new(title: impl Into<String>, x: impl Into<String>) -> Self {
         Self { title: title.into(), x: x.into(), panels: Vec::new() }
     }
 
     /// One more panel.
     #[must_use]
-    pub fn panel(mut self, panel: Panel) -> Self {
+    pub(crate) fn panel(mut self, panel: Panel) -> Self {
         self.panels.push(panel);
         self
     }
@@ -96,7 +100,7 @@ impl Curves {
     ///
     /// # Errors
     /// When there is no panel, a panel has no curve or a value is not finite.
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         self.check()?;
         let rows = (self.panels.len() - 1).div_ceil(2);
         let height = 46.0 + ABOVE + WIDE + BELOW + rows as f64 * (ABOVE + NARROW + BELOW);

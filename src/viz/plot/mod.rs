@@ -8,8 +8,7 @@ mod scatter;
 mod scores;
 mod svg;
 
-pub use canvas::{GRID, INK, SERIES, SOFT_INK};
-pub use curves::{Curves, Panel};
-pub use scatter::Scatter;
-pub use scores::{Better, ScorePlot};
-pub use svg::Svg;
+pub(crate) use curves::{Curves, Panel};
+pub(crate) use scatter::Scatter;
+pub(crate) use scores::{Better, ScorePlot};
+pub(crate) use svg::Svg;

@@ -15,7 +15,7 @@ use crate::viz::Rgb;
 /// # Ok::<(), monadnock::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scatter {
+pub(crate) struct Scatter {
     title: String,
     x: String,
     y: String,
@@ -39,20 +39,20 @@ const BOTTOM: f64 = 460.0;
 impl Scatter {
     /// No points yet; `x` and `y` name the axes with their units.
     #[must_use]
-    pub fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
+    pub(crate) fn new(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
         Self { title: title.into(), x: x.into(), y: y.into(), groups: Vec::new() }
     }
 
     /// One more group, in the next colour.
     #[must_use]
-    pub fn group(self, name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn group(self, name: impl Into<String>, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let colour = SERIES[self.groups.len() % SERIES.len()];
         self.coloured(name, points, colour)
     }
 
     /// One more group in a colour of its own.
     #[must_use]
-    pub fn coloured(
+    pub(crate) fn coloured(
         mut self,
         name: impl Into<String>,
         points: impl IntoIterator<Item = (f64, f64)>,
@@ -66,7 +66,7 @@ impl Scatter {
     ///
     /// # Errors
     /// When there is no point, or one is not finite.
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         let all = || self.groups.iter().flat_map(|group| group.points.iter().copied());
         if all().next().is_none() {
             return Err(Error::value("number of points", 0, "a plot needs at least one"));

@@ -9,7 +9,7 @@ use crate::viz::ticks::number;
 
 /// Which scores are good.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Better {
+pub(crate) enum Better {
     /// High ones.
     Higher,
     /// Low ones.
@@ -31,7 +31,7 @@ pub enum Better {
 /// # Ok::<(), monadnock::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct ScorePlot {
+pub(crate) struct ScorePlot {
     title: String,
     quantity: String,
     better: Better,
@@ -49,7 +49,7 @@ const ROW: f64 = 38.0;
 impl ScorePlot {
     /// No systems yet; `quantity` names the score with its unit.
     #[must_use]
-    pub fn new(title: impl Into<String>, quantity: impl Into<String>, better: Better) -> Self {
+    pub(crate) fn new(title: impl Into<String>, quantity: impl Into<String>, better: Better) -> Self {
         Self {
             title: title.into(),
             quantity: quantity.into(),
@@ -63,27 +63,27 @@ impl ScorePlot {
 
     /// A value from elsewhere to stand beside the scores: a line across all rows with its name.
     #[must_use]
-    pub fn mark(mut self, name: impl Into<String>, value: f64) -> Self {
+    pub(crate) fn mark(mut self, name: impl Into<String>, value: f64) -> Self {
         self.marks.push((name.into(), value));
         self
     }
 
     /// How many decimals the figures have; 2 when not said.
     #[must_use]
-    pub fn decimals(self, decimals: usize) -> Self {
+    pub(crate) fn decimals(self, decimals: usize) -> Self {
         Self { decimals, ..self }
     }
 
     /// One more system with its scores.
     #[must_use]
-    pub fn system(mut self, name: impl Into<String>, scores: impl IntoIterator<Item = f64>) -> Self {
+    pub(crate) fn system(mut self, name: impl Into<String>, scores: impl IntoIterator<Item = f64>) -> Self {
         self.systems.push((name.into(), scores.into_iter().collect()));
         self
     }
 
     /// The system to be drawn in colour.
     #[must_use]
-    pub fn highlight(self, name: impl Into<String>) -> Self {
+    pub(crate) fn highlight(self, name: impl Into<String>) -> Self {
         Self { highlight: Some(name.into()), ..self }
     }
 
@@ -91,7 +91,7 @@ impl ScorePlot {
     ///
     /// # Errors
     /// When there is no system, one has no scores, a score is not finite, or the highlighted one is not there.
-    pub fn draw(&self) -> Result<Svg> {
+    pub(crate) fn draw(&self) -> Result<Svg> {
         self.check()?;
         let bottom = TOP + self.systems.len() as f64 * ROW;
         let direction = match self.better {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// A drawing of `width` x `height` pixels at its natural size, with a description for those who cannot see it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Svg {
+pub(crate) struct Svg {
     pub(super) width: u32,
     pub(super) height: u32,
     /// Drawing units per pixel.
@@ -19,27 +19,15 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// Natural (width, height) in pixels.
-    #[must_use]
-    pub fn size(&self) -> (u32, u32) {
-        (self.width, self.height)
-    }
-
-    /// What is drawn, as plain text.
-    #[must_use]
-    pub fn description(&self) -> &str {
-        &self.description
-    }
-
     /// The drawing as a part of an HTML page: as wide as the page allows, up to its natural size.
     #[must_use]
-    pub fn inline(&self) -> String {
+    pub(crate) fn inline(&self) -> String {
         self.element("class=\"plot\"")
     }
 
     /// The drawing as a file of its own.
     #[must_use]
-    pub fn standalone(&self) -> String {
+    pub(crate) fn standalone(&self) -> String {
         let element = self.element("xmlns=\"http://www.w3.org/2000/svg\"");
         format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{element}\n")
     }
@@ -48,7 +36,7 @@ impl Svg {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub(crate) fn write(&self, path: &Path) -> Result<()> {
         file::write_bytes(path, self.standalone().as_bytes())
     }
 

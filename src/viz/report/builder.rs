@@ -19,7 +19,7 @@ use std::time::Duration;
 /// assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("http"));
 /// ```
 #[derive(Clone, Debug)]
-pub struct Report {
+pub(crate) struct Report {
     title: String,
     summary: Vec<String>,
     sections: Vec<String>,
@@ -28,20 +28,20 @@ pub struct Report {
 
 impl Report {
     /// An empty report.
-    pub fn new(title: impl Into<String>) -> Self {
+    pub(crate) fn new(title: impl Into<String>) -> Self {
         Self { title: title.into(), summary: Vec::new(), sections: Vec::new(), body: Vec::new() }
     }
 
     /// A line under the title.
     #[must_use]
-    pub fn summary(mut self, line: impl Into<String>) -> Self {
+    pub(crate) fn summary(mut self, line: impl Into<String>) -> Self {
         self.summary.push(line.into());
         self
     }
 
     /// Starts a section.
     #[must_use]
-    pub fn section(mut self, heading: impl Into<String>) -> Self {
+    pub(crate) fn section(mut self, heading: impl Into<String>) -> Self {
         let heading = heading.into();
         self.sections.push(heading.clone());
         let id = format!("s{}", self.sections.len());
@@ -50,25 +50,25 @@ impl Report {
 
     /// Starts a part of a section.
     #[must_use]
-    pub fn subsection(self, heading: impl AsRef<str>) -> Self {
+    pub(crate) fn subsection(self, heading: impl AsRef<str>) -> Self {
         self.push(html! { h3 { (heading.as_ref()) } })
     }
 
     /// A paragraph of plain text.
     #[must_use]
-    pub fn paragraph(self, text: impl AsRef<str>) -> Self {
+    pub(crate) fn paragraph(self, text: impl AsRef<str>) -> Self {
         self.push(html! { p { (text.as_ref()) } })
     }
 
     /// A picture or plot with a caption.
     #[must_use]
-    pub fn figure(self, drawing: impl Into<Drawing>, caption: impl Into<String>) -> Self {
+    pub(crate) fn figure(self, drawing: impl Into<Drawing>, caption: impl Into<String>) -> Self {
         self.figures([Figure::new(drawing, caption)])
     }
 
     /// Figures beside each other, as far as the page is wide enough.
     #[must_use]
-    pub fn figures(self, figures: impl IntoIterator<Item = Figure>) -> Self {
+    pub(crate) fn figures(self, figures: impl IntoIterator<Item = Figure>) -> Self {
         let figures: Vec<Figure> = figures.into_iter().collect();
         let class = if figures.len() > 1 { "figures several" } else { "figures" };
         self.push(html! { div class=(class) { @for figure in &figures { (figure.html()) } } })
@@ -76,14 +76,14 @@ impl Report {
 
     /// A table.
     #[must_use]
-    pub fn table(self, table: &Table) -> Self {
+    pub(crate) fn table(self, table: &Table) -> Self {
         let html = table.html();
         self.push(html)
     }
 
     /// The commands that made what stands above, one per line.
     #[must_use]
-    pub fn commands<T: AsRef<str>>(self, commands: impl IntoIterator<Item = T>) -> Self {
+    pub(crate) fn commands<T: AsRef<str>>(self, commands: impl IntoIterator<Item = T>) -> Self {
         let commands: Vec<T> = commands.into_iter().collect();
         self.push(html! {
             pre { code {
@@ -97,13 +97,13 @@ impl Report {
 
     /// Text that keeps its lines and spaces, such as a configuration.
     #[must_use]
-    pub fn listing(self, text: impl AsRef<str>) -> Self {
+    pub(crate) fn listing(self, text: impl AsRef<str>) -> Self {
         self.push(html! { pre { code { (text.as_ref().trim_end()) } } })
     }
 
     /// How long each step took, with the sum and a bar for its share.
     #[must_use]
-    pub fn time_spent<T: AsRef<str>>(self, steps: impl IntoIterator<Item = (T, Duration)>) -> Self {
+    pub(crate) fn time_spent<T: AsRef<str>>(self, steps: impl IntoIterator<Item = (T, Duration)>) -> Self {
         let steps: Vec<(T, Duration)> = steps.into_iter().collect();
         let total: Duration = steps.iter().map(|(_, time)| *time).sum();
         let percent = |time: Duration| {
@@ -131,14 +131,14 @@ impl Report {
 
     /// Where data come from, one line each.
     #[must_use]
-    pub fn credits<T: AsRef<str>>(self, lines: impl IntoIterator<Item = T>) -> Self {
+    pub(crate) fn credits<T: AsRef<str>>(self, lines: impl IntoIterator<Item = T>) -> Self {
         let lines: Vec<T> = lines.into_iter().collect();
         self.push(html! { ul.credits { @for line in &lines { li { (line.as_ref()) } } } })
     }
 
     /// The whole page: opens from the disk, asks no network for anything.
     #[must_use]
-    pub fn finish(self) -> String {
+    pub(crate) fn finish(self) -> String {
         let page = html! {
             (DOCTYPE)
             html lang="en" {
@@ -202,7 +202,7 @@ mod tests {
             .subsection(text)
             .paragraph(text)
             .figure(picture(), text)
-            .figures([Figure::new(picture(), text).alt(text), Figure::new(curves.draw().unwrap(), text)])
+            .figures([Figure::new(picture(), text), Figure::new(curves.draw().unwrap(), text)])
             .section(text)
             .figure(scores.draw().unwrap(), text)
             .table(&table)

@@ -8,7 +8,7 @@ use maud::{Markup, PreEscaped, html};
 
 /// Pixels or a vector drawing.
 #[derive(Clone, Debug)]
-pub enum Drawing {
+pub(crate) enum Drawing {
     /// Goes in as PNG.
     Picture(Picture),
     /// Goes in as it is.
@@ -35,22 +35,15 @@ impl From<Svg> for Drawing {
 
 /// A drawing with its caption.
 #[derive(Clone, Debug)]
-pub struct Figure {
+pub(crate) struct Figure {
     drawing: Drawing,
     caption: String,
-    alt: Option<String>,
 }
 
 impl Figure {
     /// A drawing and the words below it.
-    pub fn new(drawing: impl Into<Drawing>, caption: impl Into<String>) -> Self {
-        Self { drawing: drawing.into(), caption: caption.into(), alt: None }
-    }
-
-    /// What the drawing shows, for those who cannot see it; without this, the caption (of a plot: its own description).
-    #[must_use]
-    pub fn alt(self, alt: impl Into<String>) -> Self {
-        Self { alt: Some(alt.into()), ..self }
+    pub(crate) fn new(drawing: impl Into<Drawing>, caption: impl Into<String>) -> Self {
+        Self { drawing: drawing.into(), caption: caption.into() }
     }
 
     pub(super) fn html(&self) -> Markup {
@@ -60,7 +53,7 @@ impl Figure {
                     Drawing::Picture(picture) => {
                         img src=(format!("data:image/png;base64,{}", STANDARD.encode(picture.to_png())))
                             width=(picture.cols()) height=(picture.rows())
-                            alt=(self.alt.as_deref().unwrap_or(&self.caption));
+                            alt=(&self.caption);
                     }
                     Drawing::Svg(svg) => { (PreEscaped(svg.inline())) }
                 }

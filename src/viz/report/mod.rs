@@ -5,7 +5,7 @@ mod figure;
 mod markers;
 mod table;
 
-pub use builder::Report;
-pub use figure::{Drawing, Figure};
+pub(crate) use builder::Report;
+pub(crate) use figure::Figure;
 pub(crate) use markers::{marked, spliced};
-pub use table::{Best, Column, Entry, Table, Text};
+pub(crate) use table::{Best, Column, Entry, Table, Text};

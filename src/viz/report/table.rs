@@ -7,7 +7,7 @@ use std::fmt::Write;
 
 /// Which number of a column is the best.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Best {
+pub(crate) enum Best {
     /// The largest.
     Highest,
     /// The smallest.
@@ -25,17 +25,17 @@ enum Emphasis {
 
 /// Words with emphasis.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Text(Vec<(Emphasis, String)>);
+pub(crate) struct Text(Vec<(Emphasis, String)>);
 
 impl Text {
     /// The name of something in a program or file.
-    pub fn code(text: impl Into<String>) -> Self {
+    pub(crate) fn code(text: impl Into<String>) -> Self {
         Self(vec![(Emphasis::Code, text.into())])
     }
 
     /// More words, in bold if `strong`.
     #[must_use]
-    pub fn and(mut self, text: impl Into<String>, strong: bool) -> Self {
+    pub(crate) fn and(mut self, text: impl Into<String>, strong: bool) -> Self {
         self.0.push((if strong { Emphasis::Strong } else { Emphasis::None }, text.into()));
         self
     }
@@ -74,7 +74,7 @@ impl<T: Into<String>> From<T> for Text {
 
 /// The head of a column and how its entries are set.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Column {
+pub(crate) struct Column {
     name: Text,
     unit: String,
     decimals: Option<usize>,
@@ -83,24 +83,24 @@ pub struct Column {
 
 impl Column {
     /// A column of words, set to the left.
-    pub fn text(name: impl Into<Text>) -> Self {
+    pub(crate) fn text(name: impl Into<Text>) -> Self {
         Self { name: name.into(), unit: String::new(), decimals: None, best: None }
     }
 
     /// A column of numbers with `decimals` decimals, set to the right.
-    pub fn number(name: impl Into<Text>, decimals: usize) -> Self {
+    pub(crate) fn number(name: impl Into<Text>, decimals: usize) -> Self {
         Self { decimals: Some(decimals), ..Self::text(name) }
     }
 
     /// The unit beside or below the name.
     #[must_use]
-    pub fn unit(self, unit: impl Into<String>) -> Self {
+    pub(crate) fn unit(self, unit: impl Into<String>) -> Self {
         Self { unit: unit.into(), ..self }
     }
 
     /// Sets the best number in bold; all of them when several look the same at the column's decimals.
     #[must_use]
-    pub fn best(self, best: Best) -> Self {
+    pub(crate) fn best(self, best: Best) -> Self {
         Self { best: Some(best), ..self }
     }
 
@@ -111,7 +111,7 @@ impl Column {
 
 /// One cell of a table.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Entry {
+pub(crate) enum Entry {
     /// Words.
     Text(Text),
     /// A number; one that is not finite is written out and never the best.
@@ -198,7 +198,7 @@ impl Entry {
 /// assert_eq!(table.text(), "system   PSNR, dB\nlaplace     31.19");
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub(crate) struct Table {
     caption: String,
     columns: Vec<Column>,
     rows: Vec<Vec<Entry>>,
@@ -207,14 +207,14 @@ pub struct Table {
 impl Table {
     /// A table without rows.
     #[must_use]
-    pub fn new(columns: impl IntoIterator<Item = Column>) -> Self {
+    pub(crate) fn new(columns: impl IntoIterator<Item = Column>) -> Self {
         Self { caption: String::new(), columns: columns.into_iter().collect(), rows: Vec::new() }
     }
 
     /// The rows of a table of CSV under the names of its header, `_` read as a space. Columns of numbers keep the decimals that
     /// they have, at most four.
     #[must_use]
-    pub fn of_csv(text: &str) -> Self {
+    pub(crate) fn of_csv(text: &str) -> Self {
         let mut reader = csv::Reader::from_reader(text.as_bytes());
         let heads: Vec<String> =
             reader.headers().into_iter().flatten().map(|name| name.replace('_', " ")).collect();
@@ -239,7 +239,7 @@ impl Table {
 
     /// The words above the table.
     #[must_use]
-    pub fn caption(self, caption: impl Into<String>) -> Self {
+    pub(crate) fn caption(self, caption: impl Into<String>) -> Self {
         Self { caption: caption.into(), ..self }
     }
 
@@ -248,7 +248,7 @@ impl Table {
     /// # Panics
     /// When it has more or fewer entries than the table has columns.
     #[must_use]
-    pub fn row<T: Into<Entry>>(mut self, entries: impl IntoIterator<Item = T>) -> Self {
+    pub(crate) fn row<T: Into<Entry>>(mut self, entries: impl IntoIterator<Item = T>) -> Self {
         let row: Vec<Entry> = entries.into_iter().map(Into::into).collect();
         assert_eq!(row.len(), self.columns.len(), "a row has one entry for each column");
         self.rows.push(row);
@@ -294,7 +294,7 @@ impl Table {
 
     /// As Markdown, the caption as a paragraph before it.
     #[must_use]
-    pub fn markdown(&self) -> String {
+    pub(crate) fn markdown(&self) -> String {
         let mut text = String::new();
         if !self.caption.is_empty() {
             let _ = writeln!(text, "{}\n", self.caption);
@@ -311,7 +311,7 @@ impl Table {
 
     /// As text in columns, for a terminal.
     #[must_use]
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut table = comfy_table::Table::new();
         table.load_style(comfy_table::presets::NOTHING);
         table.set_header(self.columns.iter().map(|c| c.head(c.name.plain())));

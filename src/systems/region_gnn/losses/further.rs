@@ -8,7 +8,7 @@
 /// # Panics
 /// When the lengths differ.
 #[must_use]
-pub fn further(y: &[f64], far: &[f64], distances: &[f64], weight: f64) -> (f64, Vec<f64>, Vec<f64>) {
+pub(crate) fn further(y: &[f64], far: &[f64], distances: &[f64], weight: f64) -> (f64, Vec<f64>, Vec<f64>) {
     assert!(y.len() == far.len() && y.len() == distances.len(), "one far height and distance a sample");
     let n = y.len().max(1) as f64;
     let mut sum = 0.0;

@@ -5,7 +5,7 @@ use crate::seed::Seed;
 use rand::RngExt;
 
 /// l_gt (Eq. 4, as a mean): squared height difference over valid cells. Adds `weight` times its gradient.
-pub fn ground_truth(y: &[f64], target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
+pub(crate) fn ground_truth(y: &[f64], target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
     let n = target.valid_count().max(1) as f64;
     let mut sum = 0.0;
     for i in (0..y.len()).filter(|&i| target.valid[i]) {
@@ -17,7 +17,7 @@ pub fn ground_truth(y: &[f64], target: &Target, weight: f64, gradient: &mut [f64
 }
 
 /// l_gradient: mean over cells of the sum over the four neighbours of (squared step - true squared step)^2.
-pub fn slope(y: &[f64], target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
+pub(crate) fn slope(y: &[f64], target: &Target, weight: f64, gradient: &mut [f64]) -> f64 {
     let n = target.valid_count().max(1) as f64;
     let (z, valid) = (&target.heights, &target.valid);
     let mut sum = 0.0;
@@ -50,7 +50,7 @@ pub fn slope(y: &[f64], target: &Target, weight: f64, gradient: &mut [f64]) -> f
 ///
 /// The paper's condition, a Hamming distance below 5 between positions, is not defined; offsets up to 2 keep the Manhattan
 /// distance below 5. Pairs with a cell that is not `valid` are left out and not drawn again; without a mask all count.
-pub fn smooth(
+pub(crate) fn smooth(
     y: &[f64],
     (rows, cols): (usize, usize),
     valid: Option<&[bool]>,

@@ -9,40 +9,40 @@ mod sketch_order;
 
 use crate::learn::SsimLoss;
 
-pub use further::further;
-pub use heights::{ground_truth, slope, smooth};
-pub use sketch_order::sketch_order;
+pub(crate) use further::further;
+pub(crate) use heights::{ground_truth, slope, smooth};
+pub(crate) use sketch_order::sketch_order;
 
 /// The terrain to be met.
 #[derive(Clone, Debug)]
-pub struct Target {
+pub(crate) struct Target {
     /// Rows.
-    pub rows: usize,
+    pub(crate) rows: usize,
     /// Columns.
-    pub cols: usize,
+    pub(crate) cols: usize,
     /// (rows, cols) heights in the unit interval.
-    pub heights: Vec<f64>,
+    pub(crate) heights: Vec<f64>,
     /// (rows, cols) false at voids.
-    pub valid: Vec<bool>,
+    pub(crate) valid: Vec<bool>,
 }
 
 impl Target {
     /// The same with voids filled by 0, so that not even a NaN there can reach a sum.
     #[must_use]
-    pub fn without_voids(mut self) -> Self {
+    pub(crate) fn without_voids(mut self) -> Self {
         self.heights.iter_mut().zip(&self.valid).filter(|(_, ok)| !**ok).for_each(|(z, _)| *z = 0.0);
         self
     }
 
     /// The SSIM loss against it.
     #[must_use]
-    pub fn ssim(&self) -> SsimLoss {
+    pub(crate) fn ssim(&self) -> SsimLoss {
         SsimLoss::new(self.rows, self.cols, &self.heights, &self.valid)
     }
 
     /// Number of cells with a height.
     #[must_use]
-    pub fn valid_count(&self) -> usize {
+    pub(crate) fn valid_count(&self) -> usize {
         self.valid.iter().filter(|v| **v).count()
     }
 }

@@ -19,7 +19,7 @@ const CHUNKS: usize = 16;
 /// and the side that should be higher. Adds `weight` times its gradient. Edges with an end that is not `valid` are left out.
 ///
 /// Of two classes only the difference of the logits counts, and the difference of two Gumbel variables is logistic.
-pub fn sketch_order(
+pub(crate) fn sketch_order(
     y: &[f64],
     graph: &RegionGraph,
     valid: &[bool],
