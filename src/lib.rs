@@ -2,7 +2,7 @@
 //! and valleys into new terrain in that style.
 //!
 //! The names below are enough for the whole way: [`read_dem`], [`ridges_and_valleys`], [`learn`], [`Style::generate`],
-//! [`Style::amplify`], [`evaluate`]. `docs/examples` walks it in numbered programs, up to a system of one's own
+//! [`Style::amplify`], [`evaluate()`]. `docs/examples` walks it in numbered programs, up to a system of one's own
 //! ([`systems::task`]).
 //!
 //! The rooms stand in the order in which data flows. **A room imports only rooms listed above it**

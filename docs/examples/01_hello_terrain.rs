@@ -1,6 +1,7 @@
 //! Hello, terrain: learn the style of a real landscape and turn a drawing into new terrain of that style.
 //!
 //!     cargo run --release --example 01_hello_terrain
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::{
     Control, Dem, Method, Recipe, Result, Seed, Source, Stop, WriteOptions, dem::bundled, learn,

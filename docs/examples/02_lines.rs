@@ -1,6 +1,7 @@
 //! The ridges and valleys of a DEM, as cells and as GeoJSON that a GIS opens.
 //!
 //!     cargo run --release --example 02_lines
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::sketch::geojson::{self, HeightUnit};
 use monadnock::{

@@ -1,6 +1,7 @@
 //! Training the region network, with progress; a style is one file, and gives the same bytes after loading.
 //!
 //!     cargo run --release --example 03_train
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::dem::bundled;
 use monadnock::style::StyleConfig;

@@ -1,6 +1,7 @@
 //! A drawing of one's own: a ridge and a river, three seeds, three layouts between the same strokes.
 //!
 //!     cargo run --release --example 04_few_strokes
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::dem::bundled;
 use monadnock::{

@@ -1,6 +1,7 @@
 //! Scores: a network against the classical interpolators on patches that it has not seen.
 //!
 //!     cargo run --release --example 05_score
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::dem::bundled;
 use monadnock::evaluate::{EvaluationConfig, aggregate, evaluate};

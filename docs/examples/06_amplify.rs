@@ -1,6 +1,7 @@
 //! Amplification: coarse terrain becomes four times as fine with the small forms of an exemplar.
 //!
 //!     cargo run --release --example 06_amplify
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::dem::{CellSize, bundled};
 use monadnock::style::StyleConfig;

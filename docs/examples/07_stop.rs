@@ -1,6 +1,7 @@
 //! Progress, a budget, and a stop from another thread: what an editor or a job server needs.
 //!
 //!     cargo run --release --example 07_stop
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 use monadnock::dem::bundled;
 use monadnock::style::StyleConfig;

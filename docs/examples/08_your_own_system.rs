@@ -2,6 +2,7 @@
 //!
 //!     cargo run --release --example 08_your_own_system -- --help
 //!     cargo run --release --example 08_your_own_system      # train, generate, eval in the current folder
+#![allow(clippy::print_stdout, reason = "an example says what it did")]
 
 #[path = "../../tests/toy/mod.rs"]
 mod toy;

@@ -214,7 +214,7 @@ fn likenesses(
             let output = patch.outputs[i].1.as_ref()?;
             let (truth, valid) = (&patch.truth, &patch.valid);
             let copied = audited.and_then(|exemplar| {
-                let metres = patch.normalization.denormalize(&output);
+                let metres = patch.normalization.denormalize(output);
                 copy_audit(&metres, exemplar.heights()).ok().map(|audit| audit.copied_share)
             });
             Some([
@@ -305,7 +305,7 @@ fn save(patch: &Rebuilt, folder: &Path, dem: &Dem) -> Result<()> {
     let folder = folder.join(format!("{}_{}", patch.origin.row, patch.origin.col));
     fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
     let metres = |unit: &Grid<f32>, valid: Mask| -> Result<Dem> {
-        let heights = patch.normalization.denormalize(&unit);
+        let heights = patch.normalization.denormalize(unit);
         Ok(Dem::with_voids(heights, valid, dem.cell_size())?.at(place))
     };
     let options = WriteOptions::default();

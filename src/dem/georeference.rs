@@ -40,7 +40,7 @@ impl Georeference {
     /// Raster position (col, row) of model coordinates: the inverse of [`to_model`](Self::to_model); `None` when the
     /// transform is singular.
     #[must_use]
-    pub(crate) fn to_raster(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+    pub(crate) fn to_raster(self, x: f64, y: f64) -> Option<(f64, f64)> {
         let [a, b, c, d, e, f] = self.transform;
         let det = a * e - b * d;
         if det == 0.0 || !det.is_finite() {

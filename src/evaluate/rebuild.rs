@@ -47,24 +47,24 @@ impl EvaluationConfig {
 #[derive(Clone, Debug, Serialize)]
 pub struct PatchScore {
     /// First row of the patch in the DEM.
-    pub(crate) row: usize,
+    pub row: usize,
     /// First column.
-    pub(crate) col: usize,
+    pub col: usize,
     /// The system.
-    pub(crate) system: String,
+    pub system: String,
     /// Seconds to rebuild the patch, alone on one of the workers; with those of the system that this one finishes.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Metres of the unit interval: the patch's range.
-    pub(crate) relief: f64,
+    pub relief: f64,
     /// Share of the patch's cells that carry a line.
-    pub(crate) line_share: f64,
+    pub line_share: f64,
     /// How much of it is copied, of systems that say where their terrain comes from.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) sources: Option<SourceAudit>,
+    pub sources: Option<SourceAudit>,
     /// The scores; absent when the system failed.
-    pub(crate) scores: Option<Scores>,
+    pub scores: Option<Scores>,
     /// Why it failed.
-    pub(crate) error: Option<String>,
+    pub error: Option<String>,
 }
 
 /// A patch with everything that was made of it.
@@ -90,7 +90,7 @@ pub struct Evaluation {
     /// A row per patch and system, patches in order.
     pub rows: Vec<PatchScore>,
     /// The patches, empty unless kept.
-    pub(crate) patches: Vec<Rebuilt>,
+    pub patches: Vec<Rebuilt>,
 }
 
 /// Takes lines away from the sketch of the patch at a cell.

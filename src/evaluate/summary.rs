@@ -11,11 +11,11 @@ pub struct SystemSummary {
     /// The system.
     pub system: String,
     /// Patches scored.
-    pub(crate) patches: usize,
+    pub patches: usize,
     /// Patches on which it failed.
-    pub(crate) failed: usize,
+    pub failed: usize,
     /// Mean seconds per patch.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Mean and spread of every score.
     pub summary: Summary,
 }

@@ -27,7 +27,7 @@ pub struct ExtractionConfig {
     /// How water gets out of pits. The paper says nothing about pits.
     pub routing: Routing,
     /// Width of the strip by which the terrain is continued past its frame before routing, 0 to 1000; see
-    /// [`extract`](super::extract). 0 stops all water at the frame. Not in the paper.
+    /// [`ridges_and_valleys`](super::ridges_and_valleys). 0 stops all water at the frame. Not in the paper.
     pub margin: usize,
     /// A line cell drains at least this many cells, at least 1. The paper gives no number.
     pub min_accumulation: u32,
@@ -60,7 +60,7 @@ impl Default for ExtractionConfig {
 impl ExtractionConfig {
     /// The paper's steps and nothing else: no smoothing, filled pits, no margin; where it gives no number, ours.
     #[must_use]
-    pub(crate) fn paper() -> Self {
+    pub fn paper() -> Self {
         Self { smoothing: 0.0, routing: Routing::Filled, margin: 0, ..Self::default() }
     }
 
@@ -68,7 +68,7 @@ impl ExtractionConfig {
     ///
     /// # Errors
     /// Names the first field that is out of range, its value and what is allowed.
-    pub(crate) fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> Result<()> {
         let check = |ok: bool, name: &str, value: &dyn std::fmt::Display, allowed: &str| {
             if ok {
                 Ok(())

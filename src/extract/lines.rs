@@ -26,7 +26,10 @@ pub(crate) struct Extraction {
     pub(crate) orders: Grid<u8>,
 }
 
-/// Ridges and valleys of `heights` where `valid` is true; see [`extract`].
+/// Ridges and valleys of `heights` (any unit) where `valid` is true, one cell wide.
+///
+/// Lines are 8-connected, and no cell is both ridge and valley. They do not depend on the unit or the
+/// zero of the heights. Level terrain has no lines.
 ///
 /// ```
 /// # fn main() -> monadnock::Result<()> {
@@ -43,7 +46,7 @@ pub(crate) struct Extraction {
 /// ```
 ///
 /// # Errors
-/// As [`extract`].
+/// When `config` is out of range, shapes differ, a valid height is not finite, or no cell is valid.
 pub fn ridges_and_valleys(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<LineMap> {
     ridges_and_valleys_until(heights, valid, config, &Stop::new())
 }
@@ -62,13 +65,7 @@ pub fn ridges_and_valleys_until(
     Ok(drained.lines(heights, config, stop)?.lines)
 }
 
-/// Ridges and valleys of `heights` (any unit) where `valid` is true, with their Strahler orders.
-///
-/// Lines are one cell wide, 8-connected, and no cell is both ridge and valley. They do not depend on the unit or the
-/// zero of the heights. Level terrain has no lines.
-///
-/// # Errors
-/// When `config` is out of range, shapes differ, a valid height is not finite, or no cell is valid.
+/// As [`ridges_and_valleys`], with what the flow knows about the lines.
 #[cfg(test)]
 pub(crate) fn extract(heights: &Grid<f32>, valid: &Mask, config: &ExtractionConfig) -> Result<Extraction> {
     let stop = &Stop::new();

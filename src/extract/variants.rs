@@ -61,7 +61,7 @@ impl ExtractionConfig {
     /// and 60/12 of this one's (evenly in the logarithm) and their lowest order within one of this one's; repeats are drawn
     /// anew as long as there is something new to find.
     #[must_use]
-    pub(crate) fn variants(&self, count: usize, seed: Seed) -> Vec<Self> {
+    pub fn variants(&self, count: usize, seed: Seed) -> Vec<Self> {
         let with = |factor: f64, order: i8| Self {
             min_accumulation: ((f64::from(self.min_accumulation) * factor).round() as u32).max(1),
             min_order: self.min_order.saturating_add_signed(order).clamp(1, MAX_ORDER),

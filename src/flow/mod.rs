@@ -1,7 +1,7 @@
-//! Water on terrain: [`Surface`] -> [`FlowDirections`] -> [`Accumulation`] -> [`StrahlerOrder`].
+//! Water on terrain: [`Surface`] -> [`FlowDirections`] -> [`Accumulation`] -> `StrahlerOrder`.
 //!
 //! Each arrow is one function and each product one type, so that a wrong order does not compile. There are two ways to
-//! the directions: [`route`] (least-cost routing, raises nothing; our default) and [`fill`] then [`d8`] (depressions
+//! the directions: [`route`] (least-cost routing, raises nothing; our default) and `fill` then [`d8`] (depressions
 //! filled to their spill level, then steepest descent; the textbook way). [`drain`] routes to chosen bases instead of the
 //! frame alone and keeps the flood's order ([`Drainage`]).
 //!

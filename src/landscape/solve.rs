@@ -68,7 +68,7 @@ impl Landscape {
 
 /// The steady state of the fitted law under `lines` (metres), on a map whose cells measure `cell_size` metres.
 ///
-/// Lines are met to about a hundredth of the relief; [`pin`](super::pin) makes them exact. Other seeds give other networks between them.
+/// Lines are met to about a hundredth of the relief; `pin` makes them exact. Other seeds give other networks between them.
 /// The same bytes on any number of threads.
 ///
 /// # Errors

@@ -23,42 +23,42 @@ pub(crate) const LINE_TOLERANCE: f64 = 2.0;
 #[serde(deny_unknown_fields)]
 pub struct Scores {
     /// Mean structural similarity, range 1; 1 is perfect. `None` where voids leave no window of 11x11 cells.
-    pub(crate) ssim: Option<f64>,
+    pub ssim: Option<f64>,
     /// Peak signal-to-noise ratio, decibels, range 1. Infinite for a perfect copy (written as `"inf"`).
     #[serde(with = "unbounded")]
-    pub(crate) psnr: f64,
+    pub psnr: f64,
     /// Root mean square error, unit heights.
-    pub(crate) rmse: f64,
+    pub rmse: f64,
     /// [`psnr`](Self::psnr) of the strip of [`BORDER_WIDTH`] cells along the frame; `None` when all of it is void.
     #[serde(with = "unbounded_option")]
-    pub(crate) border_psnr: Option<f64>,
+    pub border_psnr: Option<f64>,
     /// [`psnr`](Self::psnr) of the rest; `None` when there is none.
     #[serde(with = "unbounded_option")]
-    pub(crate) interior_psnr: Option<f64>,
+    pub interior_psnr: Option<f64>,
     /// [`ssim`](Self::ssim) of the same, windows that reach into the strip left out; `None` when no window is left.
-    pub(crate) interior_ssim: Option<f64>,
+    pub interior_ssim: Option<f64>,
     /// Share of the valid cells whose height lay outside [0, 1].
-    pub(crate) clipped_share: f64,
+    pub clipped_share: f64,
     /// Mean slope over that of the truth: see [`mean_slope_ratio`].
-    pub(crate) mean_slope_ratio: f64,
+    pub mean_slope_ratio: f64,
     /// Distance of the slopes' distributions: see [`slope_distance`].
-    pub(crate) slope_distance: f64,
+    pub slope_distance: f64,
     /// Distance of the curvatures' distributions: see [`curvature_distance`].
-    pub(crate) curvature_distance: f64,
+    pub curvature_distance: f64,
     /// Distance of the radial power spectra, decibels: see [`spectrum_distance`].
-    pub(crate) spectrum_distance: f64,
+    pub spectrum_distance: f64,
     /// Share of cells that are pits: see [`pit_share`].
-    pub(crate) pit_share: f64,
+    pub pit_share: f64,
     /// The same in the truth.
-    pub(crate) truth_pit_share: f64,
+    pub truth_pit_share: f64,
     /// Root mean square height error on the lines, unit heights; `None` without lines.
-    pub(crate) stroke_height_error: Option<f64>,
+    pub stroke_height_error: Option<f64>,
     /// F1 of the ridges found again; `None` before [`with_lines`](Self::with_lines), and without ridges.
-    pub(crate) ridge_f1: Option<f64>,
+    pub ridge_f1: Option<f64>,
     /// F1 of the valleys found again, likewise.
-    pub(crate) valley_f1: Option<f64>,
+    pub valley_f1: Option<f64>,
     /// Share of the line cells found again that nobody asked for (no asked cell of that kind near), likewise.
-    pub(crate) unasked_share: Option<f64>,
+    pub unasked_share: Option<f64>,
 }
 
 impl Scores {
@@ -67,7 +67,7 @@ impl Scores {
     /// # Errors
     /// When the shapes differ, a valid value is not finite, the truth leaves [0, 1] or is flat, or the valid part is too
     /// small for a score (no 11x11 window).
-    pub(crate) fn of(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, lines: &LineMap) -> Result<Self> {
+    pub fn of(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, lines: &LineMap) -> Result<Self> {
         super::check_pair(output, truth, valid)?;
         check_lines("sketch", lines, truth.shape())?;
         // Rounding of the normalisation is forgiven, another unit is not.
@@ -115,7 +115,7 @@ impl Scores {
     ///
     /// # Errors
     /// When the shapes differ.
-    pub(crate) fn with_lines(mut self, asked: &LineMap, found: &LineMap) -> Result<Self> {
+    pub fn with_lines(mut self, asked: &LineMap, found: &LineMap) -> Result<Self> {
         let ridges = line_agreement(asked, found, StrokeKind::Ridge, LINE_TOLERANCE)?;
         let valleys = line_agreement(asked, found, StrokeKind::Valley, LINE_TOLERANCE)?;
         self.ridge_f1 = ridges.map(super::LineAgreement::f1);
@@ -132,7 +132,7 @@ impl Scores {
 
     /// The names of all scores, in the order of the fields.
     #[must_use]
-    pub(crate) fn names() -> [&'static str; 17] {
+    pub fn names() -> [&'static str; 17] {
         let none = Self {
             ssim: None,
             psnr: 0.0,
@@ -157,7 +157,7 @@ impl Scores {
 
     /// Every score with its name, in the order of the fields.
     #[must_use]
-    pub(crate) fn values(&self) -> [(&'static str, Option<f64>); 17] {
+    pub fn values(&self) -> [(&'static str, Option<f64>); 17] {
         [
             ("ssim", self.ssim),
             ("psnr", Some(self.psnr)),

@@ -33,13 +33,13 @@ impl Stat {
 #[serde(deny_unknown_fields)]
 pub struct Spread {
     /// Name of the score, as in [`Scores::values`].
-    pub(crate) name: String,
+    pub name: String,
     /// Mean over the patches that count.
     pub mean: f64,
     /// Sample standard deviation (n - 1) over them; 0 for a single one.
-    pub(crate) sd: f64,
+    pub sd: f64,
     /// How many patches count: those that have this score, and a finite one (a perfect copy has no finite PSNR).
-    pub(crate) count: usize,
+    pub count: usize,
 }
 
 /// Mean and standard deviation of every score over patches.
@@ -47,15 +47,15 @@ pub struct Spread {
 #[serde(deny_unknown_fields)]
 pub struct Summary {
     /// Number of patches.
-    pub(crate) patches: usize,
+    pub patches: usize,
     /// One entry per score, in the order of [`Scores::values`]; scores that no patch has are left out.
-    pub(crate) spreads: Vec<Spread>,
+    pub spreads: Vec<Spread>,
 }
 
 impl Summary {
     /// Summarises any number of patches.
     #[must_use]
-    pub(crate) fn of(scores: &[Scores]) -> Self {
+    pub fn of(scores: &[Scores]) -> Self {
         let rows: Vec<_> = scores.iter().map(Scores::values).collect();
         let names = rows.first().into_iter().flatten().map(|value| value.0);
         let spreads = names.enumerate().filter_map(|(i, name)| {

@@ -34,13 +34,13 @@ impl Sketch {
 
 impl Stroke {
     /// The cells that the stroke passes on a map of `rows` x `cols` cells, in order, with their heights.
-    pub(crate) fn cells(&self, rows: usize, cols: usize) -> Vec<(Cell, f64)> {
+    pub fn cells(&self, rows: usize, cols: usize) -> Vec<(Cell, f64)> {
         visits(self, rows, cols).into_iter().map(|visit| (visit.cell, visit.height)).collect()
     }
 
     /// Whether any point of the stroke lies on a map of `rows` x `cols` cells, and whether all of them do.
     #[must_use]
-    pub(crate) fn lies_on(&self, rows: usize, cols: usize) -> (bool, bool) {
+    pub fn lies_on(&self, rows: usize, cols: usize) -> (bool, bool) {
         let frame = Frame { rows, cols };
         let all = self.vertices.iter().all(|&v| frame.contains(v));
         let any = all || segments(self).any(|(a, b)| frame.clip(a, b).is_some());

@@ -45,7 +45,7 @@ pub struct Sketch {
 
 impl Sketch {
     /// The largest map that is accepted, in cells: the size may come from a file that nobody has checked.
-    pub(crate) const LARGEST: usize = 1 << 28;
+    pub const LARGEST: usize = 1 << 28;
 
     /// A sketch that is sure to be [valid](Self::validate).
     ///
@@ -63,7 +63,7 @@ impl Sketch {
     /// # Errors
     /// When a side of the map is 0, the map has more than [`LARGEST`](Self::LARGEST) cells, a stroke has no vertex, or
     /// a coordinate or height is not finite (heights: as a 32-bit number).
-    pub(crate) fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> Result<()> {
         let cells = self.rows.checked_mul(self.cols);
         if !cells.is_some_and(|n| (1..=Self::LARGEST).contains(&n)) {
             return Err(Error::value(
@@ -99,7 +99,7 @@ impl Sketch {
 
     /// Lowest and highest vertex; `None` without strokes.
     #[must_use]
-    pub(crate) fn height_range(&self) -> Option<(f64, f64)> {
+    pub fn height_range(&self) -> Option<(f64, f64)> {
         let mut heights = self.strokes.iter().flat_map(|s| &s.vertices).map(|v| v.z);
         let first = heights.next()?;
         Some(heights.fold((first, first), |(lo, hi), z| (lo.min(z), hi.max(z))))

@@ -61,7 +61,7 @@ impl Sketch {
     ///
     /// # Errors
     /// When `amount` is negative, above 16 or not a number.
-    pub(crate) fn wandering(&self, amount: f64, seed: Seed) -> Result<Self> {
+    pub fn wandering(&self, amount: f64, seed: Seed) -> Result<Self> {
         if !(0.0..=MOST).contains(&amount) {
             return Err(Error::value("cells that lines wander", amount, format!("allowed: 0 to {MOST}")));
         }

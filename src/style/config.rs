@@ -40,7 +40,7 @@ impl StyleConfig {
 
     /// The settings of the network.
     #[must_use]
-    pub(crate) fn network(&self) -> RegionNetworkConfig {
+    pub fn network(&self) -> RegionNetworkConfig {
         RegionNetworkConfig { model: self.model.clone(), generation: self.generation.clone() }
     }
 }

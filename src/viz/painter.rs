@@ -23,7 +23,7 @@ impl Painter {
     }
 
     pub(crate) fn draw(&self, unit: &Grid<f32>, valid: &Mask) -> Result<Picture> {
-        let heights = self.range.denormalize(&unit);
+        let heights = self.range.denormalize(unit);
         self.relief.draw(&Dem::with_voids(heights, valid.clone(), self.cell_size)?)
     }
 

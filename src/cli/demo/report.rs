@@ -299,7 +299,7 @@ fn style_section(report: Report, s: &DemoStyle, pictures: &StylePictures) -> Rep
 /// Unit heights of a rebuilt patch in metres.
 fn metres(patch: &Rebuilt, unit: &Grid<f32>, results: &DemoResults) -> Result<Dem> {
     let range: Normalization = patch.normalization;
-    Dem::new(range.denormalize(&unit), results.compared.cell_size())
+    Dem::new(range.denormalize(unit), results.compared.cell_size())
 }
 
 fn comparison(patch: &Rebuilt, results: &DemoResults) -> Result<Picture> {

@@ -128,7 +128,7 @@ fn draw_with(name: &'static str, source: Source, style: Style, context: &Context
     let unit = range.normalize(&source.dem);
     let lines = extract::ridges_and_valleys(&unit, source.dem.valid(), &style.origin.extraction)?;
     let metres =
-        |unit: &Grid<f32>| -> Result<Dem> { Dem::new(range.denormalize(&unit), source.dem.cell_size()) };
+        |unit: &Grid<f32>| -> Result<Dem> { Dem::new(range.denormalize(unit), source.dem.cell_size()) };
     let rebuilt = metres(&style.network()?.rebuild(&lines, style.origin.seed, &context.stop())?)?;
     let drawing = in_metres(&samples::load(DRAWING)?, range);
     let detail = style.needed_detail()?;

@@ -16,7 +16,7 @@
 //!
 //! Undeclared nodata corrupts terrain, so a lone -9999 or -32768 that nothing declares is an error, as are heights
 //! beyond 1000 km; [`ReadOptions`] says what they mean. Nothing is allocated before the size a header claims has been
-//! checked against [`MAX_CELLS`] and against what the file's length can hold.
+//! checked against a limit and against what the file's length can hold.
 
 mod archive;
 mod ascii_grid;

@@ -30,23 +30,23 @@ pub(crate) enum MissingHeights {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// (rows, columns) of the map. Without one here and in the file, the map just holds the strokes.
-    pub(crate) size: Option<(usize, usize)>,
+    pub size: Option<(usize, usize)>,
     /// Place of the map (that of the DEM which the sketch belongs to).
-    pub(crate) georeference: Option<Georeference>,
+    pub georeference: Option<Georeference>,
     /// What x and y are.
-    pub(crate) coordinates: Coordinates,
+    pub coordinates: Coordinates,
     /// EPSG code of the system that x and y are in.
-    pub(crate) epsg: Option<u32>,
+    pub epsg: Option<u32>,
     /// Unit of the heights.
-    pub(crate) unit: Option<HeightUnit>,
+    pub unit: Option<HeightUnit>,
     /// Metres in one unit of the heights (0.3048 for feet); overrules `unit`.
     pub metres_per_unit: Option<f64>,
     /// The property that tells ridges from valleys; else `kind`, or whichever says one of the two.
-    pub(crate) kind_property: Option<String>,
+    pub kind_property: Option<String>,
     /// The property with the heights, which then also overrules those in the coordinates.
-    pub(crate) height_property: Option<String>,
+    pub height_property: Option<String>,
     /// Whether a line whose heights are all 0 counts as one without heights.
-    pub(crate) zero_unknown: bool,
+    pub zero_unknown: bool,
     /// What to do about missing heights.
-    pub(crate) missing_heights: MissingHeights,
+    pub missing_heights: MissingHeights,
 }

@@ -27,13 +27,13 @@ use std::sync::Arc;
 #[serde(deny_unknown_fields, default)]
 pub struct FineTuning {
     /// Steps of Adam on the embeddings; everything else is frozen.
-    pub(crate) steps: usize,
+    pub steps: usize,
     /// Highest learning rate.
-    pub(crate) learning_rate: f64,
+    pub learning_rate: f64,
     /// Weight of l_gt on the line cells.
-    pub(crate) ground_truth: f64,
+    pub ground_truth: f64,
     /// Weight of l_smooth.
-    pub(crate) smooth: f64,
+    pub smooth: f64,
 }
 
 impl Default for FineTuning {

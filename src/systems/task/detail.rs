@@ -19,22 +19,22 @@ use serde::{Deserialize, Serialize};
 pub struct DetailUse {
     /// Forms smaller than this many cells are the model's, larger ones the map's: the scale where detail begins. Absent: the
     /// mean distance of a cell to the nearest line, which is about the size of what lines leave open; 2 without lines.
-    pub(crate) size: Option<f64>,
+    pub size: Option<f64>,
     /// How much of it: 0 none, 1 the exemplar's own, more is rougher.
-    pub(crate) strength: f32,
+    pub strength: f32,
     /// Share of the map's own small forms that stay; 0 replaces them (SinGAN's own use), 1 adds to them.
-    pub(crate) keep: f32,
+    pub keep: f32,
     /// Amplitude of the noise: 0 gives the one most likely answer, 1 as trained. For patches: every seed leaves out the share
     /// noise / (1 + noise) of the exemplar's. Sparse sums have one answer, the same for all seeds.
-    pub(crate) noise: f32,
+    pub noise: f32,
     /// Share of the generators' most likely answer, the one without noise, that is added. 0 leaves what is likely to the map,
     /// and adds only what a draw has beside it; 1 is SinGAN's own use. Patches have one answer, which is added whole.
-    pub(crate) likely: f32,
+    pub likely: f32,
     /// Whether the map's slopes at the first scale are brought to those of the exemplar's coarse twins before, and back after:
     /// detail then fits the map's relief whatever its unit. Without it heights are taken in the exemplar's range.
-    pub(crate) match_relief: bool,
+    pub match_relief: bool,
     /// Whether the strength counts from the one that suits the exemplar best (the model's [`gain`](DetailModel::gain)), or from what was trained.
-    pub(crate) calibrated: bool,
+    pub calibrated: bool,
 }
 
 /// Where detail begins without lines, cells.
@@ -61,7 +61,7 @@ impl DetailUse {
     ///
     /// # Errors
     /// Names the first field that is out of range.
-    pub(crate) fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> Result<()> {
         let number = |name: &str, value: f64, low: f64, high: f64| {
             if (low..=high).contains(&value) {
                 return Ok(());

@@ -17,7 +17,7 @@ pub struct SampleUse {
 
 impl SampleUse {
     /// Smallest side of a map, cells.
-    pub(crate) const SMALLEST: usize = 16;
+    pub const SMALLEST: usize = 16;
 
     /// A map of so many cells with a layout of its own.
     #[must_use]
@@ -29,7 +29,7 @@ impl SampleUse {
     ///
     /// # Errors
     /// Names the field that is out of range.
-    pub(crate) fn validate(&self) -> Result<()> {
+    pub fn validate(&self) -> Result<()> {
         if self.rows.min(self.cols) < Self::SMALLEST {
             let allowed = format!("allowed: at least {0}x{0}", Self::SMALLEST);
             return Err(Error::value("size to sample", format!("{}x{}", self.rows, self.cols), allowed));
