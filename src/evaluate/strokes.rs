@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn fewer_cells_to_drain_are_more_lines_and_level_ground_is_named() {
+    fn fewer_cells_to_drain_are_more_lines() {
         let dem = bundled::load("sierra").unwrap();
         let count = |share| {
             let case = StrokeCase::new(&dem, Cell::new(0, 384), 128, None, Some(share), Seed(1)).unwrap();

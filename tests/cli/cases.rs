@@ -74,18 +74,18 @@ fn water_finds_its_way_out_where_the_style_drains() {
         serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap()
     };
     let pits = |found: &Value| found["pits"].as_f64().unwrap();
-    for sketch in ["range-and-river", "three-peaks"] {
-        let as_made = checked(sketch, &["--method", "network", "--drain=never"]);
-        let drained = checked(sketch, &["--method", "network"]);
-        assert_eq!(drained, checked(sketch, &["--method", "network", "--drain"]));
+    for (sketch, method) in [("meander", "synthesis"), ("range-and-river", "network")] {
+        let as_made = checked(sketch, &["--method", method, "--drain=never"]);
+        let drained = checked(sketch, &["--method", method]);
+        assert_eq!(drained, checked(sketch, &["--method", method, "--drain"]));
+        assert_ne!(drained, as_made, "{sketch}");
         let of_style = drained["style_pits"].as_f64().unwrap();
         assert!(pits(&drained) <= of_style.max(0.003) + 1e-9, "{sketch}: {drained}");
-        assert!(pits(&drained) < 0.5 * pits(&as_made), "{sketch}: {as_made} {drained}");
+        assert!(pits(&drained) <= pits(&as_made) + 1e-9, "{sketch}: {as_made} {drained}");
         // Strokes are not cut for it.
         assert_eq!(drained["height_error"], as_made["height_error"], "{sketch}");
-        // Of itself.
-        let synthesis = checked(sketch, &["--method", "synthesis"]);
-        assert!(pits(&synthesis) <= of_style.max(0.003) + 1e-9, "{sketch}: {synthesis}");
+        // Hollows beside the river are gone.
+        assert!(sketch != "meander" || pits(&drained) < 0.5 * pits(&as_made), "{as_made} {drained}");
     }
 }
 
