@@ -416,7 +416,9 @@ fn detail_row(value: &Value) -> String {
     if let Some(rows) = value.pointer("/detail/rows") {
         let gain = record.get("gain").and_then(Value::as_f64).unwrap_or_default();
         let cols = value.pointer("/detail/cols").map_or_else(|| "-".to_owned(), plain);
-        return format!("patches of the exemplar, {} x {cols} cells; strength {gain:.2}", plain(rows));
+        let what =
+            record.get("atoms").map_or_else(|| "patches".to_owned(), |n| format!("{} atoms", plain(n)));
+        return format!("{what} of the exemplar, {} x {cols} cells; strength {gain:.2}", plain(rows));
     }
     let number = |key: &str| record.get(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
     let steps: Vec<u64> = record

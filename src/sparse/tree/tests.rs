@@ -38,7 +38,6 @@ fn tree(root: &str) -> Result<Tree> {
     Tree { text, fields: BTreeMap::new() }.checked()
 }
 
-/// 26 dB and more with one atom over three seeds, more with more atoms; the file costs nearly nothing.
 #[test]
 fn more_atoms_are_nearer_and_files_keep_them() {
     let dem = ground(96, 120);

@@ -15,7 +15,7 @@ use crate::sparse::{Codes, Dictionary, Disc, Limits, Pursuit};
 use ndarray::{Array2, Axis};
 use rayon::prelude::*;
 
-/// Rounds of the correction; each leaves about a third of the error of the one before.
+/// Rounds of the correction.
 const ROUNDS: usize = 8;
 
 /// Squares of an exemplar at the fine size, each with its own coarse square.

@@ -51,7 +51,6 @@ fn amplified_and_shrunk_is_the_map() {
     assert!(worst(&shrunk(&fine, 4), &map) > 5e-3);
 }
 
-/// PSNR over that of the bicubic map: with all squares of the exemplar's 8 symmetries.
 #[test]
 fn unseen_ground_is_nearer_than_the_bicubic_map() {
     let truth = ground(160, 160, 300.0);
@@ -120,7 +119,6 @@ fn elevation_unit_and_threads_do_not_matter() {
     assert!(worst(&moved.map(|z| (z - 1024.0) / 64.0), &one) < 1e-3);
 }
 
-/// Gains .5 and more, at most 1; the error at the gain is the bicubic map's, where it is below 1.
 #[test]
 fn the_gain_costs_no_likeness_on_unseen_halves() {
     let mut model = learned(&SparseConfig { atoms: 24, ..config() });
