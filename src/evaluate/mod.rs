@@ -7,8 +7,8 @@ mod strokes;
 mod summary;
 
 pub use crate::style::{PATCH, choose_exemplar, patch_cells};
-pub(crate) use rebuild::{Evaluation, Patch, PatchScore, Rebuilt, evaluate_reduced, patch_seed};
-pub use rebuild::{EvaluationConfig, evaluate};
+pub use rebuild::{Evaluation, EvaluationConfig, PatchScore, Rebuilt, evaluate};
+pub(crate) use rebuild::{Patch, evaluate_reduced, patch_seed};
 pub(crate) use strokes::{STROKE_SCORES, StrokeCase};
-pub use summary::aggregate;
-pub(crate) use summary::{SystemSummary, to_csv};
+pub(crate) use summary::to_csv;
+pub use summary::{SystemSummary, aggregate};

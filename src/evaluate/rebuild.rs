@@ -69,19 +69,19 @@ pub struct PatchScore {
 
 /// A patch with everything that was made of it.
 #[derive(Clone, Debug)]
-pub(crate) struct Rebuilt {
+pub struct Rebuilt {
     /// First cell in the DEM.
-    pub(crate) origin: Cell,
+    pub origin: Cell,
     /// Metres to unit.
-    pub(crate) normalization: Normalization,
+    pub normalization: Normalization,
     /// True heights, unit.
-    pub(crate) truth: Grid<f32>,
+    pub truth: Grid<f32>,
     /// False at voids.
-    pub(crate) valid: Mask,
+    pub valid: Mask,
     /// The lines that the systems were given, unit heights.
-    pub(crate) lines: LineMap,
+    pub lines: LineMap,
     /// Each system's terrain, unit heights as it made them; none when it failed.
-    pub(crate) outputs: Vec<(String, Option<Grid<f32>>)>,
+    pub outputs: Vec<(String, Option<Grid<f32>>)>,
 }
 
 /// All rows of an evaluation, and the patches when they were to be kept.

@@ -8,7 +8,7 @@ use crate::grid::{Grid, Mask};
 ///
 /// # Errors
 /// When the shapes differ, nothing is valid, or a valid value is not finite.
-pub(crate) fn rmse(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
+pub fn rmse(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Result<f64> {
     check_pair(output, truth, valid)?;
     let (mut sum, mut count) = (0.0, 0usize);
     let pairs = output.as_slice().iter().zip(truth.as_slice()).zip(valid.as_slice());
@@ -24,7 +24,7 @@ pub(crate) fn rmse(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask) -> Resul
 ///
 /// # Errors
 /// As [`rmse`], and when `range` is not positive and finite.
-pub(crate) fn psnr(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, range: f64) -> Result<f64> {
+pub fn psnr(output: &Grid<f32>, truth: &Grid<f32>, valid: &Mask, range: f64) -> Result<f64> {
     check_range(range)?;
     Ok(20.0 * (range / rmse(output, truth, valid)?).log10())
 }

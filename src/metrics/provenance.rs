@@ -32,16 +32,16 @@ pub struct Provenance {
 
 /// What the origins say about copying.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct SourceAudit {
+pub struct SourceAudit {
     /// Share of the cells in pieces of more than 400 cells (20x20): cells joined along their sides in which every step on the map is the
     /// same step in the exemplar. Strokes end a piece.
-    pub(crate) verbatim_share: f64,
+    pub verbatim_share: f64,
     /// Cells of the largest such piece.
-    pub(crate) largest_piece: usize,
+    pub largest_piece: usize,
     /// How often the place that is used most is used.
-    pub(crate) most_uses: usize,
+    pub most_uses: usize,
     /// How often a place that is used at all is used, on average; 0 where all is strokes.
-    pub(crate) mean_uses: f64,
+    pub mean_uses: f64,
 }
 
 impl Provenance {

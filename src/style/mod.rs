@@ -23,8 +23,8 @@ pub(crate) use crate::systems::region_gnn::{
     GenerationConfig, LossValues, Preset, RegionGraph, RegionNetwork, RegionNetworkConfig,
 };
 pub use crate::systems::singan::DetailConfig as GeneratorConfig;
-pub use crate::systems::task::{Exemplar, Source};
-pub(crate) use crate::systems::task::{ExemplarInfo, fingerprint};
+pub(crate) use crate::systems::task::fingerprint;
+pub use crate::systems::task::{Exemplar, ExemplarInfo, Source};
 pub use config::{StyleConfig, generators};
 pub(crate) use config::{overlaid, overlay};
 pub use detail::add_detail;
@@ -32,11 +32,11 @@ pub(crate) use detail_spec::DetailSpec;
 pub(crate) use drain::Drain;
 pub use learn::learn;
 pub(crate) use learn::unfinished;
-pub(crate) use learned::{DetailPlan, LearnedDetail, LearnedSystem, SystemPlan, detail_plan};
+pub(crate) use learned::detail_plan;
+pub use learned::{DetailPlan, LearnedDetail, LearnedSystem, SystemPlan};
 pub(crate) use recipe::default_window;
 pub use recipe::{Choices, DetailChoice, Recipe};
-pub(crate) use registry::Named;
-pub use registry::Registry;
+pub use registry::{Named, Registry};
 pub(crate) use unseen::has_unseen;
 pub use unseen::unseen_surface;
 pub(crate) use uses::{names, suffix};

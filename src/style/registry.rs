@@ -16,7 +16,7 @@ use crate::systems::task::{DetailModel, Part, SketchToTerrain, System};
 use std::sync::Arc;
 
 /// A system, or a way to use one, and its name.
-pub(crate) type Named = (String, Arc<dyn SketchToTerrain>);
+pub type Named = (String, Arc<dyn SketchToTerrain>);
 
 /// The systems that styles can be made of, and the interpolators beside them.
 #[derive(Clone)]

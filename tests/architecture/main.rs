@@ -28,7 +28,7 @@ const EMPTY_NAMES: [&str; 6] = ["util", "utils", "common", "helper", "helpers", 
 /// Longest file, in lines.
 const LONGEST_FILE: usize = 600;
 /// Lines that begin with `pub`: the promise to users, and what benchmarks and tests of the house reach.
-const PUBLIC_LINES: usize = 640;
+const PUBLIC_LINES: usize = 760;
 /// Longest name of a test, in letters.
 const LONGEST_TEST_NAME: usize = 50;
 /// Circles of files that are still to be broken; none may join them.

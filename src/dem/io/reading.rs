@@ -55,7 +55,7 @@ pub fn read_bytes(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<(D
 ///
 /// # Errors
 /// As [`read_bytes`].
-pub(crate) fn read_with_sidecars(
+pub fn read_with_sidecars(
     path: &Path,
     bytes: &[u8],
     files: &[Sidecar],

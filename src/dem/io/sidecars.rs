@@ -22,11 +22,11 @@ const UNREAD: [&str; 6] = [".aux", ".hdr", ".tab", ".qpj", ".points", ".gcp"];
 
 /// A file beside a raster: its name and what is in it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Sidecar {
+pub struct Sidecar {
     /// Name without folder.
-    pub(crate) name: String,
+    pub name: String,
     /// Content.
-    pub(crate) bytes: Vec<u8>,
+    pub bytes: Vec<u8>,
 }
 
 /// What the files beside a raster say.

@@ -45,11 +45,8 @@ mod tests;
 mod writing;
 
 pub use member::HeightUnit;
-pub use options::ReadOptions;
-pub(crate) use options::{Coordinates, MissingHeights};
-pub(crate) use placing::Bounds;
+pub use options::{Coordinates, MissingHeights, ReadOptions};
+pub use placing::Bounds;
 pub(crate) use reading::{Outline, outline};
 pub use reading::{SketchReading, parse, read};
-#[cfg(test)]
-pub(crate) use writing::to_text;
-pub use writing::write;
+pub use writing::{to_text, write};

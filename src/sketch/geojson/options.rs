@@ -5,7 +5,7 @@ use crate::dem::Georeference;
 
 /// What the x and y of a file are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Coordinates {
+pub enum Coordinates {
     /// Model coordinates where the map has a place and the file does not describe one without; else columns and rows.
     #[default]
     AsStated,
@@ -16,7 +16,7 @@ pub(crate) enum Coordinates {
 /// What to do with a vertex without a height.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum MissingHeights {
+pub enum MissingHeights {
     /// An error that names the feature and the vertex.
     #[default]
     Refuse,

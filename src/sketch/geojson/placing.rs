@@ -154,7 +154,7 @@ fn like_degrees(lines: &[RawLine]) -> bool {
 
 /// The rectangle around all vertices, in the file's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub(crate) struct Bounds {
+pub struct Bounds {
     /// Least x.
     pub(crate) west: f64,
     /// Least y.

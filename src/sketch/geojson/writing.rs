@@ -29,11 +29,7 @@ pub fn write(
 ///
 /// # Errors
 /// When the sketch is not valid or has no strokes.
-pub(crate) fn to_text(
-    sketch: &Sketch,
-    unit: HeightUnit,
-    georeference: Option<&Georeference>,
-) -> Result<String> {
+pub fn to_text(sketch: &Sketch, unit: HeightUnit, georeference: Option<&Georeference>) -> Result<String> {
     sketch.validate()?;
     if sketch.strokes.is_empty() {
         return Err(Error::value("number of strokes", 0, "a sketch file needs at least one"));

@@ -80,9 +80,9 @@ impl DetailUse {
 #[derive(Clone, Debug)]
 pub struct Residual {
     /// The map without the forms that are the model's. (rows, columns) of the map, in its unit.
-    pub(crate) smooth: Grid<f32>,
+    pub smooth: Grid<f32>,
     /// What the model adds. (rows, columns) of the map, in its unit.
-    pub(crate) added: Grid<f32>,
+    pub added: Grid<f32>,
 }
 
 /// A model of an exemplar's small forms.

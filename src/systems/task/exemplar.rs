@@ -19,7 +19,7 @@ const LONGEST_TERRAIN: usize = 1024;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExemplarInfo {
     /// Name of the DEM: a file name or a bundled tile.
-    pub(crate) name: String,
+    pub name: String,
     /// First row of the window in that DEM.
     pub row: usize,
     /// First column of the window.
@@ -29,11 +29,11 @@ pub struct ExemplarInfo {
     /// Columns of the window.
     pub cols: usize,
     /// Cell size on the ground, (x, y) metres.
-    pub(crate) cell_size: [f64; 2],
+    pub cell_size: [f64; 2],
     /// SHA-256 of the whole DEM's heights and voids ([`fingerprint`]).
-    pub(crate) source_sha256: String,
+    pub source_sha256: String,
     /// SHA-256 of the window's heights and voids.
-    pub(crate) sha256: String,
+    pub sha256: String,
 }
 
 /// The exemplar window of a DEM, ready to be learned.

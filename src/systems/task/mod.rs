@@ -8,12 +8,11 @@ mod part;
 mod random_lines;
 mod sampling;
 
-pub use detail::DetailUse;
-pub(crate) use detail::{DetailModel, Residual, combined, gain_of, gap};
-pub use exemplar::{Exemplar, Source};
-pub(crate) use exemplar::{ExemplarInfo, fingerprint};
-pub(crate) use part::{Account, Use};
-pub use part::{Part, System};
+pub use detail::{DetailModel, DetailUse, Residual};
+pub(crate) use detail::{combined, gain_of, gap};
+pub(crate) use exemplar::fingerprint;
+pub use exemplar::{Exemplar, ExemplarInfo, Source};
+pub use part::{Account, Part, System, Use};
 pub(crate) use random_lines::{Ground, RandomHeights, with_random_lines};
 pub use sampling::SampleUse;
 

@@ -57,17 +57,17 @@ pub trait Part: Debug + Sized + Send + Sync + 'static {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Account {
     /// In words, for people.
-    pub(crate) text: String,
+    pub text: String,
     /// Seconds that it took.
-    pub(crate) seconds: f64,
+    pub seconds: f64,
     /// Figures by name.
-    pub(crate) figures: Vec<(&'static str, f64)>,
+    pub figures: Vec<(&'static str, f64)>,
 }
 
 impl Account {
     /// A figure.
     #[must_use]
-    pub(crate) fn figure(&self, name: &str) -> Option<f64> {
+    pub fn figure(&self, name: &str) -> Option<f64> {
         self.figures.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
     }
 }
@@ -137,7 +137,7 @@ pub trait System: Part + SketchToTerrain {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Use {
     /// What is put behind the system's name; empty for the usual way.
-    pub(crate) suffix: &'static str,
+    pub suffix: &'static str,
     /// Whether it is also offered with the harmonic correction: it ends beside its lines.
-    pub(crate) corrected: bool,
+    pub corrected: bool,
 }
