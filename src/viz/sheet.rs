@@ -14,14 +14,6 @@ const SHEET: Rgb = Rgb::hex(0xfd_fc_fa);
 const FRAME: Rgb = Rgb::hex(0x9a_9c_a0);
 
 /// A sheet in the making.
-///
-/// ```
-/// use monadnock::viz::{Picture, Rgb, Sheet};
-/// let panel = Picture::filled(128, 128, Rgb::hex(0x88_99_88));
-/// let sheet = Sheet::new(2).title("Two plains").panel(panel.clone(), "left").panel(panel, "right").draw()?;
-/// assert!(sheet.cols() > 2 * 128);
-/// # Ok::<(), monadnock::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sheet {
     columns: usize,

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use proj_core::{
     CrsDef, Datum, DatumToWgs84, GeographicCrsDef, LinearUnit, ProjectedCrsDef, ProjectionMethod,
 };
+use std::borrow::Cow;
 
 /// What the coordinates of a system are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +80,7 @@ impl Crs {
         if text.is_empty() {
             return Err(undefined(text, "it is empty"));
         }
-        let first = proj_wkt::parse_crs(text);
+        let first = proj_wkt::parse_crs(&in_words_of_the_library(text));
         // The oblique projection of that name is another one than the library's.
         let is_sure = !text.contains("PROJECTION[\"Stereographic\"]");
         match first.map_err(|e| e.to_string()).and_then(|found| Self::of(&found).map_err(|e| e.to_string())) {
@@ -281,10 +282,9 @@ impl Crs {
         let wkt = proj_wkt::to_wkt(&definition).map_err(|e| unwritable(&e.to_string()))?;
         // Of two projections the library's words are not those that GDAL and PROJ know.
         Ok(match self.method() {
-            Some(ProjectionMethod::AlbersEqualArea { .. }) => wkt
-                .replace("\"Albers_Equal_Area\"", "\"Albers_Conic_Equal_Area\"")
-                .replace("\"latitude_of_origin\"", "\"latitude_of_center\"")
-                .replace("\"central_meridian\"", "\"longitude_of_center\""),
+            Some(ProjectionMethod::AlbersEqualArea { .. }) => {
+                ALBERS.iter().fold(wkt, |wkt, (library, gdal)| wkt.replace(library, gdal))
+            }
             // The latitude of true scale takes the place of that of the pole.
             Some(ProjectionMethod::PolarStereographic { .. }) => ["90", "-90"]
                 .iter()
@@ -360,6 +360,22 @@ pub(in crate::dem) const fn same_as(code: u32) -> u32 {
         54_004 => 3395,
         54_001 => 4087,
         other => other,
+    }
+}
+
+/// Words of WKT for Albers' projection: the library's, and those of GDAL and PROJ.
+const ALBERS: [(&str, &str); 3] = [
+    ("\"Albers_Equal_Area\"", "\"Albers_Conic_Equal_Area\""),
+    ("\"latitude_of_origin\"", "\"latitude_of_center\""),
+    ("\"central_meridian\"", "\"longitude_of_center\""),
+];
+
+/// WKT of GDAL as the library understands it.
+fn in_words_of_the_library(text: &str) -> Cow<'_, str> {
+    if text.contains(ALBERS[0].1) {
+        ALBERS.iter().fold(text.to_owned(), |text, (library, gdal)| text.replace(gdal, library)).into()
+    } else {
+        text.into()
     }
 }
 

@@ -18,7 +18,7 @@ use std::time::Instant;
 
 /// Exemplars with a shorter side than this, cells, make rounder forms that repeat sooner (`docs/papers/synthesis.md`).
 const SMALL: usize = 256;
-/// Up to this share of line cells fewer windows are told from real terrain than of the region network's, or as many, and slopes, spectrum
+/// Up to this share of line cells windows are told from real terrain less often than the region network's or nearly so, and slopes, spectrum
 /// and landforms are nearer to it; PSNR is 1 to 2 dB lower (decision 12).
 const SPARSE: f64 = 0.1;
 

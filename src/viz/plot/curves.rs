@@ -51,14 +51,6 @@ impl Panel {
 }
 
 /// Panels of curves: the first one wide, the others below it, two a row.
-///
-/// ```
-/// use monadnock::viz::plot::{Curves, Panel};
-/// let loss = Panel::new("loss").log().curve("height", (0..50).map(|i| (f64::from(i), 1.0 / f64::from(1 + i))));
-/// let plot = Curves::new("Training", "epoch").panel(loss).draw()?;
-/// assert!(plot.standalone().contains("epoch"));
-/// # Ok::<(), monadnock::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curves {
     title: String,

@@ -7,13 +7,6 @@ use crate::error::{Error, Result};
 use crate::viz::Rgb;
 
 /// Points (x, y) in groups.
-///
-/// ```
-/// use monadnock::viz::plot::Scatter;
-/// let plot = Scatter::new("Patches", "relief, m", "PSNR, dB").group("alps", [(100.0, 30.0), (200.0, 31.5)]).draw()?;
-/// assert!(plot.standalone().contains("alps, n = 2"));
-/// # Ok::<(), monadnock::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scatter {
     title: String,

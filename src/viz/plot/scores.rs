@@ -19,17 +19,6 @@ pub(crate) enum Better {
 /// A row for each system: every score as a point, a box from the lower to the upper quartile with the median, whiskers
 /// to the last score within 1.5 box lengths (Tukey 1977), a diamond at the mean, and mean ± standard deviation in
 /// figures. Fewer than 5 scores get no box: quartiles of so few say nothing.
-///
-/// ```
-/// use monadnock::viz::plot::{Better, ScorePlot};
-/// let plot = ScorePlot::new("Alps, 24 patches", "PSNR, dB", Better::Higher)
-///     .system("laplace", [30.1, 29.7, 31.0])
-///     .system("anchored", [31.3, 30.9, 32.2])
-///     .highlight("anchored")
-///     .draw()?;
-/// assert!(plot.standalone().contains("n = 3"));
-/// # Ok::<(), monadnock::Error>(())
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ScorePlot {
     title: String,

@@ -7,17 +7,6 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::time::Duration;
 
 /// A report in the making; [`finish`](Self::finish) gives the HTML file.
-///
-/// ```
-/// use monadnock::viz::{Picture, Rgb, report::Report};
-/// let page = Report::new("Two plains")
-///     .summary("Both are flat.")
-///     .section("The plains")
-///     .figure(Picture::filled(64, 64, Rgb::hex(0x88_99_77)), "The first plain.")
-///     .commands(["monadnock render plain.tif -o plain.png"])
-///     .finish();
-/// assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("http"));
-/// ```
 #[derive(Clone, Debug)]
 pub(crate) struct Report {
     title: String,

@@ -189,14 +189,6 @@ impl Entry {
 }
 
 /// Rows under columns.
-///
-/// ```
-/// use monadnock::viz::report::{Column, Entry, Table, Text};
-/// let table = Table::new([Column::text("system"), Column::number("PSNR", 2).unit("dB")])
-///     .row([Entry::from(Text::code("laplace")), Entry::from(31.187)]);
-/// assert_eq!(table.markdown(), "| system | PSNR, dB |\n| --- | --- |\n| `laplace` | 31.19 |\n");
-/// assert_eq!(table.text(), "system   PSNR, dB\nlaplace     31.19");
-/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table {
     caption: String,
@@ -371,6 +363,14 @@ impl Column {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_table_in_both_languages() {
+        let table = Table::new([Column::text("system"), Column::number("PSNR", 2).unit("dB")])
+            .row([Entry::from(Text::code("laplace")), Entry::from(31.187)]);
+        assert_eq!(table.markdown(), "| system | PSNR, dB |\n| --- | --- |\n| `laplace` | 31.19 |\n");
+        assert_eq!(table.text(), "system   PSNR, dB\nlaplace     31.19");
+    }
 
     fn scores() -> Table {
         Table::new([
