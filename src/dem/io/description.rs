@@ -21,7 +21,7 @@ pub enum CellSizeSource {
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Description {
     /// The format.
-    pub(crate) format: Format,
+    pub format: Format,
     /// Type of a stored number: `u8`, `i16`, `f32`, ...
     pub sample: &'static str,
     /// How the numbers are packed ("deflate, predictor 2, 16 tiles of 256x256"); empty when they are not.

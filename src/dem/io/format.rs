@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// A terrain file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum Format {
+pub enum Format {
     /// TIFF or BigTIFF with GeoTIFF and GDAL tags.
     GeoTiff,
     /// SRTM height file: square big-endian 16-bit tile named after its south-west corner.

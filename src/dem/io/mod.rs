@@ -37,7 +37,7 @@ mod sidecars;
 mod writing;
 
 pub use description::{CellSizeSource, Description};
-pub(crate) use format::Format;
+pub use format::Format;
 pub use options::{Nodata, ReadOptions, SampleType, WriteOptions};
 pub(crate) use reading::MAX_FILE_BYTES;
 pub use reading::{read, read_bytes, read_described, read_with_sidecars};

@@ -27,18 +27,18 @@ pub struct SketchReading {
     /// The sketch; valid, with at least one stroke, every stroke at least partly on the map.
     pub sketch: Sketch,
     /// Unit of its heights.
-    pub(crate) unit: HeightUnit,
+    pub unit: HeightUnit,
     /// Place of its map, when known.
-    pub(crate) georeference: Option<Georeference>,
+    pub georeference: Option<Georeference>,
     /// (rows, columns) of the map that the file states, whatever size was asked for.
-    pub(crate) stated_size: Option<(usize, usize)>,
+    pub stated_size: Option<(usize, usize)>,
     /// For every vertex of every stroke whether the file gives its height; all true unless missing heights were
     /// [left open](super::MissingHeights::Leave) or interpolated.
     pub given: Vec<Vec<bool>>,
     /// Where each stroke stands in the file ("feature 3"), for messages.
-    pub(crate) names: Vec<String>,
+    pub names: Vec<String>,
     /// What was not taken as it stood, in whole sentences.
-    pub(crate) warnings: Vec<String>,
+    pub warnings: Vec<String>,
 }
 
 /// Reads a sketch file.
