@@ -9,7 +9,7 @@ use crate::grid::Grid;
 use crate::grid::resample::resample;
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
-use crate::systems::task::{combined, relief_ratio};
+use crate::systems::task::combined;
 use rand::RngExt;
 
 /// Ratio of the sides of two scales (3/4; the paper's code).
@@ -101,7 +101,7 @@ pub(super) fn residual(asked: &Query<'_>, pair: &Pair, seed: Seed, stop: &Stop) 
     if mean_square_slope(asked.heights) <= 0.0 || own <= 0.0 || exemplar <= 0.0 {
         return Ok(None);
     }
-    let ratio = if asked.match_relief { relief_ratio(exemplar, own) } else { 1.0 };
+    let ratio = if asked.match_relief { (exemplar / own).clamp(1e-3, 1e3) } else { 1.0 };
     let waves = Waves::new();
     let mut found: Option<Grid<f32>> = None;
     for scale in (0..=start).rev() {

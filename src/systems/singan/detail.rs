@@ -11,7 +11,7 @@ use crate::grid::{Cell, Grid, Window};
 use crate::metrics::mean_square_slope;
 use crate::seed::Seed;
 use crate::sketch::LineMap;
-use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, gain_of, gap, relief_ratio};
+use crate::systems::task::{DetailModel, DetailUse, Residual, SampleUse, gain_of, gap};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -161,7 +161,7 @@ impl Detail {
     fn relief(&self, map: &Grid<f32>, scale: usize) -> f32 {
         let own = mean_square_slope(map).sqrt() as f32;
         let twins = self.scales[scale].residual.slope_of_twins;
-        if own > 0.0 { relief_ratio(twins, own) } else { 1.0 }
+        if own > 0.0 { (twins / own).clamp(1e-3, 1e3) } else { 1.0 }
     }
 }
 

@@ -211,12 +211,6 @@ fn corrected(correction: Option<&Correction>, map: Grid<f32>, stop: &Stop) -> Re
     }
 }
 
-/// What a map of slope `own` is multiplied by to be as steep as the exemplar's of slope `exemplar`; its detail is divided by the same.
-/// Detail grows four times at most: the smooth map of an exemplar with hardly any line is level, and everything would be steep beside it.
-pub(crate) fn relief_ratio(exemplar: f32, own: f32) -> f32 {
-    (exemplar / own).clamp(0.25, 1e3)
-}
-
 /// a x + b y, cell by cell.
 pub(crate) fn combined(x: &Grid<f32>, a: f32, y: &Grid<f32>, b: f32) -> Grid<f32> {
     let mut sum = x.clone();

@@ -9,7 +9,7 @@ mod random_lines;
 mod sampling;
 
 pub use detail::{DetailModel, DetailUse, Residual};
-pub(crate) use detail::{combined, gain_of, gap, relief_ratio};
+pub(crate) use detail::{combined, gain_of, gap};
 pub(crate) use exemplar::fingerprint;
 pub use exemplar::{Exemplar, ExemplarInfo, Source};
 pub use part::{Account, Part, System, Use};
