@@ -390,7 +390,10 @@ fn cases(text: &str) -> std::ops::Range<u64> {
 
 #[test]
 fn random_voids_pass_every_command() {
-    let cases = cases(&std::env::var("MONADNOCK_VOID_CASES").unwrap_or_else(|_| "8".to_owned()));
+    // Of a thousand, the first, and one whose few lines leave a level surface: detail on others was 50 times too high.
+    let wanted = std::env::var("MONADNOCK_VOID_CASES");
+    let cases: Vec<u64> =
+        wanted.map_or_else(|_| (0..8).chain([531]).collect(), |text| cases(&text).collect());
     let folder = tempfile::tempdir().unwrap();
     let style = folder.path().join("sierra.safetensors");
     let settings = ["--epochs", "20", "--crop", "128,128,96"];
@@ -399,8 +402,8 @@ fn random_voids_pass_every_command() {
         let failed = Case::new(number, &style).and_then(|case| case.check(number)).err();
         failed.inspect(|what| eprintln!("{what}"))
     };
-    let failed: Vec<String> = cases.clone().into_par_iter().filter_map(case).collect();
-    assert!(failed.is_empty(), "{} of {cases:?}:\n{}", failed.len(), failed.join("\n"));
+    let failed: Vec<String> = cases.par_iter().copied().filter_map(case).collect();
+    assert!(failed.is_empty(), "{} of {} cases:\n{}", failed.len(), cases.len(), failed.join("\n"));
 }
 
 #[test]

@@ -89,6 +89,25 @@ fn water_finds_its_way_out_where_the_style_drains() {
     }
 }
 
+/// Lines that wander are other lines, and what is made and checked is theirs; the same seed makes them wander alike.
+#[test]
+fn lines_that_wander_are_met() {
+    let folder = temporary();
+    let json = folder.path().join("c.json");
+    let checked = |more: &[&str]| -> Value {
+        let check = ["--method", "synthesis", "--check", "--check-json", json.to_str().unwrap()];
+        generate(Path::new("lambda-ring"), &[&check, more].concat());
+        serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap()
+    };
+    let (still, wandered) = (checked(&[]), checked(&["--wander", "2"]));
+    assert_ne!(still, wandered);
+    assert_eq!(wandered, checked(&["--wander", "2"]));
+    for found in [&still, &wandered] {
+        assert_eq!(found["height_error"].as_f64(), Some(0.0), "{found}");
+    }
+    refused(Path::new("lambda-ring"), &["--wander", "17"], &["wander", "17", "16"]);
+}
+
 fn refused(sketch: &Path, more: &[&str], words: &[&str]) {
     let folder = temporary();
     let out = folder.path().join("o.tif");
