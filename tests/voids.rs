@@ -390,10 +390,8 @@ fn cases(text: &str) -> std::ops::Range<u64> {
 
 #[test]
 fn random_voids_pass_every_command() {
-    // Of a thousand, the first, and one whose few lines leave a level surface: detail on others was 50 times too high.
     let wanted = std::env::var("MONADNOCK_VOID_CASES");
-    let cases: Vec<u64> =
-        wanted.map_or_else(|_| (0..8).chain([531]).collect(), |text| cases(&text).collect());
+    let cases: Vec<u64> = cases(wanted.as_deref().unwrap_or("8")).collect();
     let folder = tempfile::tempdir().unwrap();
     let style = folder.path().join("sierra.safetensors");
     let settings = ["--epochs", "20", "--crop", "128,128,96"];
