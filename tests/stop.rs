@@ -4,6 +4,7 @@
 
 use monadnock::control::{Checkpoints, Control, Progress, Stop};
 use monadnock::dem::bundled;
+use monadnock::evaluate::{EvaluationConfig, evaluate};
 use monadnock::extract::{ExtractionConfig, ridges_and_valleys_until};
 use monadnock::grid::{Cell, Grid, Window};
 use monadnock::interpolation::{NaturalNeighbours, biharmonic_until, harmonic_until};
@@ -113,9 +114,11 @@ fn generation_and_detail_stop() {
     for (name, system) in style.uses() {
         stops(&name, |stop| system.generate(&lines, Seed(1), stop));
     }
+    let dem = bundled::load("sierra").unwrap();
+    let (patches, systems, config) = (vec![Cell::new(0, 0); 64], style.uses(), EvaluationConfig::default());
+    stops("evaluation", |stop| evaluate(&dem, &patches, &systems, &config, Seed(1), stop, || ()));
     let map = Grid::from_fn(768, 768, |c| (c.row as f32 * 0.05).sin() * (c.col as f32 * 0.03).cos());
     let generated = learned(&with_generators(2), 64, None, &Stop::new()).unwrap();
-    let dem = bundled::load("sierra").unwrap();
     for (name, style) in [("patches", &style), ("generators", &generated)] {
         let detail = style.detail.as_ref().unwrap();
         stops(&format!("detail of {name}"), |stop| {

@@ -57,9 +57,8 @@ fn arrays(
 fn strokes(origins: &Grid<Origin>, sketch: &Sketch) -> Grid<i32> {
     let mut numbers = origins.map(|_| 0);
     for (i, stroke) in sketch.strokes.iter().enumerate() {
-        let alone = Sketch { rows: sketch.rows, cols: sketch.cols, strokes: vec![stroke.clone()] };
-        for (cell, kind) in alone.rasterize().kinds().cells() {
-            if kind.is_some() && origins[cell] == Origin::Stroke {
+        for (cell, _) in stroke.cells(sketch.rows, sketch.cols) {
+            if origins[cell] == Origin::Stroke {
                 numbers[cell] = i as i32 + 1;
             }
         }

@@ -112,19 +112,10 @@ impl Manifest {
         Ok(Self { folder, areas: document.area })
     }
 
-    /// The raster called `name`, checked against everything that the manifest says about it.
+    /// The raster called `name`, checked against everything that the manifest says about it, with what its file said about itself.
     ///
     /// # Errors
     /// When there is no such name, its file cannot be read, or the file is not what the manifest says.
-    #[cfg(test)]
-    pub(crate) fn load(&self, name: &str) -> Result<Dem> {
-        self.load_described(name).map(|(dem, _)| dem)
-    }
-
-    /// Like [`load`](Self::load), with what the raster's file said about itself.
-    ///
-    /// # Errors
-    /// As [`load`](Self::load).
     pub(crate) fn load_described(&self, name: &str) -> Result<(Dem, Description)> {
         let manifest = self.folder.join(FILE_NAME);
         let Some(area) = self.areas.iter().find(|area| area.name == name) else {
@@ -254,10 +245,10 @@ mod tests {
         let names: Vec<&str> = manifest.areas.iter().map(|a| a.name.as_str()).collect();
         assert_eq!(names, bundled::names().collect::<Vec<_>>());
         for name in names {
-            let dem = manifest.load(name).unwrap();
+            let dem = manifest.load_described(name).unwrap().0;
             assert_eq!(dem.heights(), bundled::load(name).unwrap().heights());
         }
-        let message = manifest.load("atlantis").unwrap_err().to_string();
+        let message = manifest.load_described("atlantis").unwrap_err().to_string();
         assert!(message.contains("atlantis") && message.contains("sierra, grand-canyon"), "{message}");
     }
 
@@ -276,12 +267,12 @@ mod tests {
         let manifest = Manifest::read(folder.path()).unwrap();
         assert_eq!(manifest.areas.len(), 2);
         assert_eq!(manifest.areas[0].elevation, Some([999.0, 2551.0]));
-        assert_eq!(manifest.load("hill_2").unwrap().shape(), (512, 512));
+        assert_eq!(manifest.load_described("hill_2").unwrap().0.shape(), (512, 512));
 
         let refused = |spoil: &dyn Fn(&mut Area), words: &str| {
             let mut manifest = manifest.clone();
             spoil(&mut manifest.areas[0]);
-            let message = manifest.load("hill").unwrap_err().to_string();
+            let message = manifest.load_described("hill").unwrap_err().to_string();
             assert!(message.contains(words) && message.contains("hill.tif"), "{message}");
         };
         refused(&|a| a.shape = Some([512, 511]), "[512, 511]");

@@ -60,13 +60,6 @@ pub(crate) struct Drainage {
 }
 
 impl Drainage {
-    /// Where each cell drains: [`Flow::Out`](super::Flow::Out) at outlets and bases.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) fn directions(&self) -> &FlowDirections {
-        &self.directions
-    }
-
     /// Positions (row by row) of all valid cells in the order in which the flood came: every cell after its receiver, and
     /// roughly from low to high.
     #[must_use]
@@ -212,7 +205,7 @@ mod tests {
     fn without_bases_it_is_plain_routing() {
         let surface = surface(rough);
         let drainage = drain(&surface, &Grid::filled(31, 41, Role::Ground), None, &Stop::new()).unwrap();
-        assert_eq!(*drainage.directions(), route(&surface));
+        assert_eq!(drainage.directions, route(&surface));
         let mut place = vec![usize::MAX; 31 * 41];
         for (n, &cell) in drainage.order().iter().enumerate() {
             place[cell as usize] = n;
@@ -221,7 +214,7 @@ mod tests {
         assert!(place.iter().all(|&n| n < 31 * 41), "every cell once");
         let mut counts = vec![1.0; 31 * 41];
         drainage.gather(&mut counts);
-        let expected = accumulate(drainage.directions());
+        let expected = accumulate(&drainage.directions);
         assert!(counts.iter().zip(expected.counts().as_slice()).all(|(a, &b)| *a == b as f32));
     }
 
@@ -231,10 +224,10 @@ mod tests {
         let well = Cell::new(15, 20);
         let roles = Grid::from_fn(31, 41, |c| if c == well { Role::Base } else { Role::Ground });
         let drainage = drain(&hill, &roles, None, &Stop::new()).unwrap();
-        assert_eq!(drainage.directions().flow(well), Flow::Out, "even on the summit");
+        assert_eq!(drainage.directions.flow(well), Flow::Out, "even on the summit");
         for code in 0..8u8 {
             let near = d8::neighbour(well, code, 31, 41).unwrap();
-            assert_ne!(drainage.directions().flow(near), Flow::Void);
+            assert_ne!(drainage.directions.flow(near), Flow::Void);
         }
         let slope = surface(|c| 40.0 - c.col as f32);
         let roles = Grid::from_fn(31, 41, |c| if c.col == 20 { Role::Base } else { Role::Ground });
@@ -283,8 +276,8 @@ mod tests {
         let at = Cell::new(15, 20);
         let plain = drain(&slope, &roles, None, &Stop::new()).unwrap();
         let drawn = drain(&slope, &roles, Some(&west), &Stop::new()).unwrap();
-        assert_ne!(plain.directions().flow(at), Flow::Towards(4));
-        assert_eq!(drawn.directions().flow(at), Flow::Towards(4));
+        assert_ne!(plain.directions.flow(at), Flow::Towards(4));
+        assert_eq!(drawn.directions.flow(at), Flow::Towards(4));
         assert!(drain(&slope, &Grid::filled(3, 3, Role::Ground), None, &Stop::new()).is_err());
     }
 }

@@ -23,18 +23,11 @@ const FACTOR_LONGEST: f64 = 128.0;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Landscape {
     padded: Grid<f32>,
-    factor: usize,
+    pub(super) factor: usize,
     shape: (usize, usize),
 }
 
 impl Landscape {
-    /// Cells of the map along the side of one of the landscape's own cells.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) const fn factor(&self) -> usize {
-        self.factor
-    }
-
     /// Heights in metres on cells `factor` times as large as the map's: box means of finer ones, cubic between coarser ones.
     /// Both sides are those of the map over `factor`, rounded up; the last cells may reach past the map.
     ///

@@ -246,7 +246,7 @@ fn every_drawing_has_terrain() {
 fn the_guide_is_the_coarse_part_of_the_landscape() {
     let (fit, lines) = (fitted(), valley_and_ridges(100, 90));
     let guide = solve(&fit, &lines, 30.0, &LandscapeConfig::guide(), Seed(2)).unwrap();
-    assert_eq!(guide.factor(), 2);
+    assert_eq!(guide.factor, 2);
     let whole = solve(&fit, &lines, 30.0, &LandscapeConfig::default(), Seed(2)).unwrap();
     let (a, b) = (guide.heights(8).unwrap(), whole.heights(8).unwrap());
     let apart =

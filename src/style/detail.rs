@@ -30,9 +30,8 @@ pub fn add_detail(
     seed: Seed,
     stop: &Stop,
 ) -> Result<Grid<f32>> {
-    let to_unit = |z: f32| range.to_unit(f64::from(z)) as f32;
-    let unit = terrain.map(|&z| to_unit(z));
-    let unit_lines = lines.map(|lines| lines.map_heights(to_unit));
+    let unit = terrain.map(|&z| range.to_unit(f64::from(z)) as f32);
+    let unit_lines = lines.map(|lines| lines.to_unit(range));
     let detailed = detail.add(&unit, unit_lines.as_ref(), mask, how, seed.derive("detail"), stop)?;
     let mut metres = range.denormalize(&detailed);
     // What stays, stays to the bit: there and back again rounds.

@@ -5,33 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Two systems beside an interpolator on two patches with two seeds, in a few seconds.
-const SMALL: &str = r#"
-kind = "neighbours"
-title = "Small"
-question = "Does it run?"
-seeds = [1, 2]
-budget_minutes = 1
-metrics = ["ssim", "psnr"]
-pictures = 1
-interpolators = ["nearest"]
-patches_per_area = 2
-[overrides.model]
-epochs = 2
-extractions = 1
-splits = 1
-[[style]]
-name = "one"
-[[style]]
-name = "thin"
-set.model.width = 16
-[[area]]
-name = "sierra"
-exemplar = [128, 0, 64]
-[[bound]]
-metric = "ssim"
-over = "each-patch"
-min = 0.5
-"#;
+const SMALL: &str = include_str!("../fixtures/small-experiment.toml");
 
 fn answer(folder: &Path, args: &[&str]) -> (i32, String, String) {
     let answer = run(folder, args);

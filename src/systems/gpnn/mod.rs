@@ -135,13 +135,6 @@ impl PatchDetail {
         Ok(Self { truth, twin, marks, gap, record })
     }
 
-    /// What was measured when the exemplar was taken.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) const fn record(&self) -> &PatchRecord {
-        &self.record
-    }
-
     /// (rows, columns) of the exemplar.
     #[must_use]
     pub(crate) fn shape(&self) -> (usize, usize) {

@@ -255,7 +255,7 @@ fn calibration_is_on_what_the_exemplar_does_not_know() {
     let lines = lines(&model.truth);
     let twin = model.twin.clone();
     model.calibrate(&twin, &lines, Seed(1), &Stop::new()).unwrap();
-    let gain = model.record().gain;
+    let gain = model.record.gain;
     assert!(gain > 1.2 && gain < 4.0, "{gain}");
     assert_eq!(model.gain(), gain);
     let (info, tensors) = model.parts();

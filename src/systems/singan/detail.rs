@@ -21,7 +21,7 @@ const SMALLEST_MAP: usize = 4;
 #[derive(Clone, Debug)]
 pub(crate) struct Detail {
     config: DetailConfig,
-    sizes: Vec<(usize, usize)>,
+    pub(super) sizes: Vec<(usize, usize)>,
     pub(super) scales: Vec<Scale>,
     pub(super) fixed_noise: Seed,
     pub(super) record: DetailRecord,
@@ -41,13 +41,6 @@ impl Detail {
     #[must_use]
     pub(crate) const fn record(&self) -> &DetailRecord {
         &self.record
-    }
-
-    /// (rows, columns) of the exemplar's scales, the coarsest first.
-    #[must_use]
-    #[cfg(test)]
-    pub(crate) fn sizes(&self) -> &[(usize, usize)] {
-        &self.sizes
     }
 
     /// Cells of the finest scale in one of a scale.

@@ -72,7 +72,7 @@ fn training_learns_to_rebuild_the_exemplar() {
         reports.push(r.figure("reconstruction").unwrap());
     })
     .unwrap();
-    assert_eq!(reports.len(), detail.sizes().len() * 150);
+    assert_eq!(reports.len(), detail.sizes.len() * 150);
     assert!(reports[149] < 0.5 * reports[0], "{} {}", reports[0], reports[149]);
     let rebuilt = detail.reconstruct();
     let db = psnr(&rebuilt, &heights, &heights.map(|_| true), 1.0).unwrap();
