@@ -82,8 +82,9 @@ pub(super) fn first_scale(size: f64, shortest: usize) -> usize {
     (1..64).take_while(|scale| fits(*scale)).last().unwrap_or(0) as usize
 }
 
-/// Detail is at most so many times as steep as the smooth map that it is added to.
-const MOST_DETAIL: f32 = 4.0;
+/// Relief is matched where what the smooth map misses is at most so many times as steep as it is (windows of nine areas: .5 to 1.3;
+/// one with a dozen line cells in all: 77).
+const MOST_MISSING: f32 = 4.0;
 
 /// What the exemplar has beyond its smooth map where it looks like `asked`. (rows, columns) of the map, in its unit; none for
 /// level or tiny maps.
@@ -104,10 +105,10 @@ pub(super) fn residual(asked: &Query<'_>, pair: &Pair, seed: Seed, stop: &Stop) 
     if mean_square_slope(asked.heights) <= 0.0 || own <= 0.0 || exemplar <= 0.0 {
         return Ok(None);
     }
-    let ratio = if asked.match_relief { (exemplar / own).clamp(1e-3, 1e3) } else { 1.0 };
-    // A smooth map made from hardly any line is nearly level, and all that it misses is detail: not at that strength on others.
+    // A smooth map made from hardly any line is nearly level: it says nothing of how detail grows with relief.
     let missing = slope(&combined(&pair.truth, 1.0, &pair.smooth, -1.0));
-    let strength = if asked.match_relief { (MOST_DETAIL * exemplar / missing).min(1.0) } else { 1.0 };
+    let has_relief = missing <= MOST_MISSING * exemplar;
+    let ratio = if asked.match_relief && has_relief { (exemplar / own).clamp(1e-3, 1e3) } else { 1.0 };
     let waves = Waves::new();
     let mut found: Option<Grid<f32>> = None;
     for scale in (0..=start).rev() {
@@ -123,7 +124,7 @@ pub(super) fn residual(asked: &Query<'_>, pair: &Pair, seed: Seed, stop: &Stop) 
         let kept = kept(&exemplars, asked.left_out, seed);
         found = Some(voted(&map, &exemplars, &kept, &waves, exemplar, stop)?);
     }
-    Ok(found.map(|found| found.map(|v| v / ratio * strength)))
+    Ok(found.map(|found| found.map(|v| v / ratio)))
 }
 
 /// The exemplar at one scale in its eight symmetries.
